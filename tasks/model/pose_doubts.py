@@ -8,11 +8,14 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import with_confidence
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
-from glint.tasks.algorithms.registration.pose_evidence import pose_evidence
+from glint.tasks.algorithms.registration.pose_evidence import MAX_VIEWS, pose_evidence
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.view_agreement import AGREEING_DEG, ViewAgreement, view_agreement
 from glint.tasks.engine.stage_warning import StageWarning
 
+MIN_COMPARED_SHARE = 0.05
+"""Vertices that two views show with confidence, as a share of the model's, below which few views are hardly compared:
+17% and more are with eight views, 12% with five."""
 UNCOMPARED_TRUST = 0.9
 """Factor of the confidence where no two views can be compared and nothing else shows that their poses are right."""
 CONTRADICTED_TRUST = 0.3
@@ -34,7 +37,8 @@ class PoseDoubts:
 def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
     """Compare the normals of the registered views, as their own labels have them, where two of them see the model."""
     agreement = view_agreement(registered.views, model)
-    if not agreement.is_known:
+    is_weak = agreement.shared.sum() / 2 < MIN_COMPARED_SHARE * len(model.vertices)
+    if not agreement.is_known or (is_weak and len(registered.views) <= MAX_VIEWS):
         return _without_comparison(registered, agreement)
     contradicting = agreement.contradicting()
     if len(contradicting) == len(registered.views):
@@ -59,12 +63,12 @@ def with_doubts(model: Model, views: list[View], doubts: PoseDoubts) -> Model:
 
 
 def _without_comparison(registered: RegisteredViews, agreement: ViewAgreement) -> PoseDoubts:
-    """Return the doubts of views of which no two can be compared: each is held against a model of all others."""
+    """Return the doubts of views of which hardly two can be compared: each is held against a model of all others."""
     evidence = pose_evidence(registered.views, registered.turntable)
     count = len(registered.views)
     if evidence.is_sufficient:
         return PoseDoubts(agreement, np.ones(count), ())
-    message = f"no two of the {count} views show the same part of the object with confidence, so that"
+    message = f"hardly two of the {count} views show the same part of the object with confidence, so that"
     if evidence.better_alternative is not None:
         message = (
             f"the normals of the views contradict their poses: {message} each was held against a model of the others,"

@@ -30,6 +30,8 @@ MIN_FACTOR_CHANGE = 0.01
 """Change of a factor, or of a unit, from which it is one."""
 MAX_UNIT_ERROR = 0.1
 """Decades by which the ratio of two units may differ from a power of ten: centres of masks are not quite one point."""
+SAME_ROTATION = 0.02
+"""Largest difference of two rotation matrices' entries that are the same: a degree."""
 MIN_VIEWS = 5
 """Views from which an alternative proves anything: fewer agree at many poses."""
 
@@ -61,8 +63,16 @@ def silhouette_alternatives(views: Sequence[View], table: Turntable | None) -> l
     return [
         (description, posed)
         for description, posed in _matrices(views)
-        if silhouette_residuals(posed).mean(axis=1).max() <= MAX_RESIDUAL_PX
+        if not _is_same(views, posed) and silhouette_residuals(posed).mean(axis=1).max() <= MAX_RESIDUAL_PX
     ]
+
+
+def _is_same(views: Sequence[View], posed: Sequence[View]) -> bool:
+    """Return whether the views stand to each other as before: another world alone is no other arrangement."""
+    before, after = (
+        np.array([view.rotation @ arrangement[0].rotation.T for view in arrangement]) for arrangement in (views, posed)
+    )
+    return bool(np.abs(before - after).max() < SAME_ROTATION)
 
 
 def _agree(views: Sequence[View]) -> bool:

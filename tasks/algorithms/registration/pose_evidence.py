@@ -30,8 +30,9 @@ FIRST_TURNS_DEG = (0.0, -15.0, 15.0, -7.0, 7.0)
 MAX_TURN_DEG = 5.0
 """Degrees from its own angle at which a view may fit a model of the others best: 3 and less at right angles, 7 and more
 where one of four is wrong by 10."""
-MIN_VIEWS = 4
-"""Views from which a model of all but one is good enough: two others leave its shape, and so the angle, open."""
+MIN_VIEWS, MAX_VIEWS = 4, 6
+"""Views from which a model of all but one is good enough (two others leave its shape, and so the angle, open), and up
+to which each is held against one: more views are compared with each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +63,10 @@ def pose_evidence(views: Sequence[View], table: Turntable | None) -> PoseEvidenc
     """Hold each view against a model of all others, at its pose and at those of the usual mistakes.
 
     table: the turntable on which the first views stand; None: they have matrices. Where some have matrices beside it,
-    and with two views, nothing is known.
+    and with other numbers of views, nothing is known.
     """
     unknown = np.full(len(views), np.nan)
-    if len(views) < MIN_VIEWS or (table is not None and len(table.angles) < len(views)):
+    if not MIN_VIEWS <= len(views) <= MAX_VIEWS or (table is not None and len(table.angles) < len(views)):
         return PoseEvidence(np.nan, None, unknown)
     alternatives = silhouette_alternatives(views, table)
     own = left_out_misfits(views) if alternatives else unknown

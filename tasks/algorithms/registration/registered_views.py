@@ -81,7 +81,7 @@ def register_on_turntable(
         if not views:
             return RegisteredViews(tuple(posed), tuple(rejected), mean_residuals(posed))
         table = calibrate_axis([*views, *posed], initial_turntable(views, angles), LEANS_TO_CAMERA_DEG)
-    everything, scales = _rescaled(views_on_turntable([*views, *posed], table), len(views))
+    everything, scales = _rescaled(views_on_turntable([*views, *posed], table), table)
     if scales:
         table = calibrate_axis(everything, table)
     errors = np.full(len(views), ANGLE_ERROR_DEG)
@@ -104,13 +104,13 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
     _require_rotations(views)
     kept, rejected = _agreeing([], views, None)
     _require_two(kept)
-    chosen, scales = _rescaled([views[number] for number in kept], 0)
+    chosen, scales = _rescaled([views[number] for number in kept], None)
     return RegisteredViews(chosen, tuple(rejected), mean_residuals(chosen), scale_factors=scales)
 
 
-def _rescaled(views: Sequence[View], on_table: int) -> tuple[tuple[View, ...], dict[str, float]]:
+def _rescaled(views: Sequence[View], table: Turntable | None) -> tuple[tuple[View, ...], dict[str, float]]:
     """Return views with corrected scales, and the factors of those that were corrected; see `fit_scales`."""
-    factors = fit_scales(views, on_table)
+    factors = fit_scales(views, table)
     changed = {view.name: float(factor) for view, factor in zip(views, factors, strict=True) if factor != 1.0}
     return tuple(scaled(view, changed[view.name]) if view.name in changed else view for view in views), changed
 

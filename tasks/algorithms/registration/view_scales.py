@@ -20,15 +20,21 @@ from glint.tasks.algorithms.registration.epipolar_tangency import (
     robust_residuals,
     trace_silhouette_rays,
 )
+from glint.tasks.algorithms.registration.turntable import (
+    ANGLE_ERROR_DEG,
+    DIFFERENCE_STEP,
+    LEAN_ERROR_DEG,
+    MAX_EVALUATIONS,
+    Turntable,
+    views_on_turntable,
+)
 
 SCALE_ERROR = 0.01
 """Relative standard deviation of a view's stated scale."""
 MIN_SCALE_CORRECTION, MAX_SCALE_CORRECTION = 0.005, 0.05
 """Corrections below which all stated scales are kept, and beyond which: what needs a larger one is another mistake."""
-SCALE_STEP = 1e-3
-"""Relative step of numerical derivatives."""
-MAX_SCALE_EVALUATIONS = 8
-"""Evaluations of the least-squares solver."""
+MIN_VIEWS = 3
+"""Views from which their scales are compared: two of them agree in the height of the object alone."""
 
 
 def scaled(view: View, factor: float) -> View:
@@ -43,42 +49,57 @@ def scaled(view: View, factor: float) -> View:
     return replace(view, pixel_size=pixel_size, translation=translation)
 
 
-def fit_scales(views: Sequence[View], on_table: int) -> np.ndarray:
-    """Return the factors (V,) of the views' pixel sizes at which their silhouettes agree best; their poses are held.
+def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
+    """Return the factors (V,) of the views' pixel sizes at which their silhouettes agree best.
 
     All are 1 where none differs from it by more than the silhouettes err, or one by too much for an error of scale.
 
-    on_table: how many views, the first, stand on a turntable. A perspective view whose pose is a matrix has no scale of
-    its own, and 1.
+    table: the turntable on which the first views stand, its axis and angles solved with the scales, since they would
+    bend to wrong ones; None: all poses are held. A perspective view whose pose is a matrix has no scale of its own.
     """
+    on_table = 0 if table is None else len(table.angles)
     free = [number for number, view in enumerate(views) if view.matrix is None or number < on_table]
+    factors = np.ones(len(views))
+    if len(views) < MIN_VIEWS or not free:
+        return factors
     centre = bounding_sphere(views)[0][None]
     sizes = np.array([view.footprint(centre)[0] for view in views])
+    percent_of_object = bounding_sphere(views)[1] / 50
+    # Unknowns: percent of the scales, then percent of the object's size, and degrees, of the turntable.
+    start, errors = np.zeros(len(free)), np.full(len(free), 100.0 * SCALE_ERROR)
+    if table is not None:
+        start = np.append(start, np.zeros(3 + on_table))
+        errors = np.concatenate([errors, [np.inf], np.full(2, LEAN_ERROR_DEG), np.full(on_table, ANGLE_ERROR_DEG)])
 
-    def at(logarithms: np.ndarray) -> list[View]:
+    def at(unknowns: np.ndarray) -> list[View]:
         result = list(views)
-        for number, logarithm in zip(free, logarithms, strict=True):
-            result[number] = scaled(views[number], float(np.exp(logarithm)))
-        return result
+        for number, percent in zip(free, unknowns, strict=False):
+            result[number] = scaled(views[number], float(np.exp(percent / 100)))
+        if table is None:
+            return result
+        offset, to_camera, right = unknowns[len(free) : len(free) + 3].tolist()
+        moved = Turntable(
+            table.offset + offset * percent_of_object,
+            table.lean_to_camera + to_camera,
+            table.lean_right + right,
+            table.angles + unknowns[len(free) + 3 :],
+        )
+        return views_on_turntable(result, moved)
 
-    def residuals(logarithms: np.ndarray) -> np.ndarray:
-        distances = trace_silhouette_rays(at(logarithms), CALIBRATION_RAYS).distance
-        return np.concatenate([robust_residuals(distances)[0], logarithms / SCALE_ERROR])
+    def residuals(unknowns: np.ndarray) -> np.ndarray:
+        distances = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS).distance
+        return np.concatenate([robust_residuals(distances)[0], unknowns / errors])
 
-    def jacobian(logarithms: np.ndarray) -> np.ndarray:
-        rays = trace_silhouette_rays(at(logarithms), CALIBRATION_RAYS)
+    def jacobian(unknowns: np.ndarray) -> np.ndarray:
+        rays = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS)
         slope = robust_residuals(rays.distance)[1]
         columns = []
-        for step in SCALE_STEP * np.eye(len(free)):
-            forward, backward = (rays.distances(at(logarithms + sign * step), sizes) for sign in (1.0, -1.0))
-            columns.append(slope * (forward - backward).ravel() / (2 * SCALE_STEP))
-        return np.vstack([np.stack(columns, axis=1), np.eye(len(free)) / SCALE_ERROR])
+        for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
+            forward, backward = (rays.distances(at(unknowns + sign * step), sizes) for sign in (1.0, -1.0))
+            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
+        return np.vstack([np.stack(columns, axis=1), np.diag(1.0 / errors)])
 
-    factors = np.ones(len(views))
-    if len(views) > 2 and free:
-        solution = least_squares(
-            residuals, np.zeros(len(free)), jac=jacobian, max_nfev=MAX_SCALE_EVALUATIONS, xtol=1e-4, ftol=1e-4
-        )
-        factors[free] = np.exp(solution.x)
+    solution = least_squares(residuals, start, jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4)
+    factors[free] = np.exp(solution.x[: len(free)] / 100)
     largest = np.abs(np.log(factors)).max()
     return factors if MIN_SCALE_CORRECTION < largest < MAX_SCALE_CORRECTION else np.ones(len(views))
