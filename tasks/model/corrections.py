@@ -6,7 +6,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_CORRECTION_DEG = 3.0
 """Correction of an angle, beside that of all, beyond which it is reported: scales are read to about a degree."""
-MAX_SCALE_CORRECTION = 0.0125
+USUAL_SCALE_CORRECTION = 0.0125
 """Relative correction of a view's scale beyond which it is reported: spheres give it to a percent."""
 
 
@@ -27,7 +27,7 @@ def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
             "views",
         )
         for name, factor in registered.scale_factors.items()
-        if abs(factor - 1.0) > MAX_SCALE_CORRECTION
+        if abs(factor - 1.0) > USUAL_SCALE_CORRECTION
     ]
 
 

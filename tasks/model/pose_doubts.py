@@ -8,7 +8,7 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import with_confidence
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
-from glint.tasks.algorithms.registration.pose_evidence import MAX_VIEWS, pose_evidence
+from glint.tasks.algorithms.registration.pose_evidence import MAX_HELD_VIEWS, pose_evidence
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.view_agreement import AGREEING_DEG, ViewAgreement, view_agreement
 from glint.tasks.engine.stage_warning import StageWarning
@@ -38,7 +38,7 @@ def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
     """Compare the normals of the registered views, as their own labels have them, where two of them see the model."""
     agreement = view_agreement(registered.views, model)
     is_weak = agreement.shared.sum() / 2 < MIN_COMPARED_SHARE * len(model.vertices)
-    if not agreement.is_known or (is_weak and len(registered.views) <= MAX_VIEWS):
+    if not agreement.is_known or (is_weak and len(registered.views) <= MAX_HELD_VIEWS):
         return _without_comparison(registered, agreement)
     contradicting = agreement.contradicting()
     if len(contradicting) == len(registered.views):

@@ -70,9 +70,9 @@ def merged(views: list[View], stated: np.ndarray) -> tuple[Model, list[str]]:
         registered = refine(registered, surface)
         surface = reconstruct_surface(registered.views, surface, rounds=1)
     doubts = pose_doubts(registered, surface)
-    told = [f"{view.name} left out" for view in registered.rejected]
-    told += [warning.message for warning in [*correction_warnings(registered), *doubts.warnings]]
-    return with_doubts(surface, list(registered.views), doubts), told
+    messages = [f"{view.name} left out" for view in registered.rejected]
+    messages += [warning.message for warning in [*correction_warnings(registered), *doubts.warnings]]
+    return with_doubts(surface, list(registered.views), doubts), messages
 
 
 def described(model: Model, truth: trimesh.Trimesh) -> str:
@@ -105,12 +105,12 @@ def main() -> None:
     truth = load_true_mesh(str(entry.truth_model))
     for name in options.cases.split(","):
         try:
-            model, told = merged(*CASES[name](views, stated))
+            model, messages = merged(*CASES[name](views, stated))
         except UnusableCapture as error:
             print(f"{entry.id}, {len(views)} views, {name}: refused: {error}", flush=True)
             continue
         print(f"{entry.id}, {len(views)} views, {name}: {described(model, truth)}", flush=True)
-        for message in told:
+        for message in messages:
             print(f"    {message}", flush=True)
 
 

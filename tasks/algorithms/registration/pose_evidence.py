@@ -27,10 +27,10 @@ MIN_LOG_RATIO = 0.6
 """Sum over the views of the logarithms of the ratios of misfits beyond which poses are distinguished."""
 FIRST_TURNS_DEG = (0.0, -15.0, 15.0, -7.0, 7.0)
 """Turns from which the pose of a view is refined on a model of the others."""
-MAX_TURN_DEG = 5.0
+MAX_BEST_TURN_DEG = 5.0
 """Degrees from its own angle at which a view may fit a model of the others best: 3 and less at right angles, 7 and more
 where one of four is wrong by 10."""
-MIN_VIEWS, MAX_VIEWS = 4, 6
+MIN_HELD_VIEWS, MAX_HELD_VIEWS = 4, 6
 """Views from which a model of all but one is good enough (two others leave its shape, and so the angle, open), and up
 to which each is held against one: more views are compared with each other."""
 
@@ -51,7 +51,7 @@ class PoseEvidence:
     @property
     def is_sufficient(self) -> bool:
         """Whether all alternatives are excluded, and each view fits at its own angle."""
-        return bool(self.log_ratio >= MIN_LOG_RATIO and (np.abs(self.turns) <= MAX_TURN_DEG).all())
+        return bool(self.log_ratio >= MIN_LOG_RATIO and (np.abs(self.turns) <= MAX_BEST_TURN_DEG).all())
 
     @property
     def better_alternative(self) -> str | None:
@@ -66,7 +66,7 @@ def pose_evidence(views: Sequence[View], table: Turntable | None) -> PoseEvidenc
     and with other numbers of views, nothing is known.
     """
     unknown = np.full(len(views), np.nan)
-    if not MIN_VIEWS <= len(views) <= MAX_VIEWS or (table is not None and len(table.angles) < len(views)):
+    if not MIN_HELD_VIEWS <= len(views) <= MAX_HELD_VIEWS or (table is not None and len(table.angles) < len(views)):
         return PoseEvidence(np.nan, None, unknown)
     alternatives = silhouette_alternatives(views, table)
     own = left_out_misfits(views) if alternatives else unknown
@@ -125,5 +125,5 @@ def _best_turn(fitter: PoseFitter, axis: np.ndarray, centre: np.ndarray) -> floa
         turned = view.rotation @ Rotation.from_rotvec(unknowns[0] * axis, degrees=True).as_matrix()
         return turned, view.translation + (view.rotation - turned) @ centre
 
-    found = [fitter.refine(pose, np.array([turn])) for turn in FIRST_TURNS_DEG]
-    return float(min(found, key=lambda unknowns: fitter.evaluate(*pose(unknowns)).cost)[0])
+    turns = [fitter.refine(pose, np.array([turn])) for turn in FIRST_TURNS_DEG]
+    return float(min(turns, key=lambda unknowns: fitter.evaluate(*pose(unknowns)).cost)[0])

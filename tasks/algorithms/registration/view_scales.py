@@ -33,7 +33,7 @@ SCALE_ERROR = 0.01
 """Relative standard deviation of a view's stated scale."""
 MIN_SCALE_CORRECTION, MAX_SCALE_CORRECTION = 0.005, 0.05
 """Corrections below which all stated scales are kept, and beyond which: what needs a larger one is another mistake."""
-MIN_VIEWS = 3
+MIN_SCALED_VIEWS = 3
 """Views from which their scales are compared: two of them agree in the height of the object alone."""
 
 
@@ -60,7 +60,7 @@ def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
     on_table = 0 if table is None else len(table.angles)
     free = [number for number, view in enumerate(views) if view.matrix is None or number < on_table]
     factors = np.ones(len(views))
-    if len(views) < MIN_VIEWS or not free:
+    if len(views) < MIN_SCALED_VIEWS or not free:
         return factors
     centre = bounding_sphere(views)[0][None]
     sizes = np.array([view.footprint(centre)[0] for view in views])

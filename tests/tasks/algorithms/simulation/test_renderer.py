@@ -162,7 +162,9 @@ def test_near_views_lie_in_their_regions_and_agree_with_the_model(tmp_path: Path
         seen = (corners - pose[:3, 3]) @ pose[:3, :3]
         columns = matrix[0, 2] - matrix[0, 0] * seen[:, 0] / seen[:, 2] - capture.region.x
         rows = matrix[1, 2] + matrix[1, 1] * seen[:, 1] / seen[:, 2] - capture.region.y
-        mask = cv2.imread(str(capture.mask), cv2.IMREAD_GRAYSCALE) > 0
+        picture = cv2.imread(str(capture.mask), cv2.IMREAD_GRAYSCALE)
+        assert picture is not None
+        mask = np.asarray(picture) > 0
         assert not (mask[[0, -1]].any() or mask[:, [0, -1]].any())
         for positions, is_inside in ((columns, mask.any(axis=0)), (rows, mask.any(axis=1))):
             shown = np.flatnonzero(is_inside)
