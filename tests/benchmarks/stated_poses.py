@@ -100,8 +100,8 @@ def main() -> None:
     catalogue = load_catalogue(options.catalogue)
     entry = catalogue.object(options.object or catalogue.objects[0].id)
     chosen = entry.captures[:: options.every]
-    views = [view_of(CaptureContext.of(catalogue, entry.id, one.id, options.store, "run")) for one in chosen]
-    stated = np.array([one.pose.turntable if one.pose is not None else None for one in chosen], float)
+    views = [view_of(CaptureContext.of(catalogue, entry.id, capture.id, options.store)) for capture in chosen]
+    stated = np.array([capture.pose.turntable if capture.pose is not None else None for capture in chosen], float)
     truth = load_true_mesh(str(entry.truth_model))
     for name in options.cases.split(","):
         try:
