@@ -1,9 +1,11 @@
 """Models whose poses or scales are stated wrongly: what becomes of them, and what is said.
 
     python -m tests.benchmarks.stated_poses CATALOGUE --store STORE [--object ID] [--every 2] [--cases right,reversed]
+        [--evidence]
 
 `glint run` was there; views stand on a turntable, and the object has a truth_model. One pass, from the labels stored
 for each view. A confident vertex (0.95 or more) is right within 5 degrees of the normal of the nearest true point.
+With --evidence only what 4 to 6 views say of their poses is printed, each held against a model of the others.
 """
 
 import argparse
@@ -21,6 +23,8 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import REFINEMENT_ROUNDS, reconstruct_surface
 from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.pose_alternatives import silhouette_alternatives
+from glint.tasks.algorithms.registration.pose_evidence import best_turns, left_out_misfits, log_ratio
 from glint.tasks.algorithms.registration.registered_views import refine, register_on_turntable
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
@@ -75,6 +79,16 @@ def merged(views: list[View], stated: np.ndarray) -> tuple[Model, list[str]]:
     return with_doubts(surface, list(registered.views), doubts), messages
 
 
+def evidence(views: list[View], stated: np.ndarray) -> str:
+    """Return the sum of the logarithms of the ratios of misfits, and the largest best turn."""
+    registered = register_on_turntable(views, stated.tolist())
+    posed, table = list(registered.views), registered.turntable
+    assert table is not None
+    ((_, turned_back),) = silhouette_alternatives(posed, table)
+    ratio = log_ratio(left_out_misfits(posed), left_out_misfits(turned_back))
+    return f"sum of log ratios {ratio:+.2f}, largest turn {np.abs(best_turns(posed, True)).max():.1f} degrees"
+
+
 def described(model: Model, truth: trimesh.Trimesh) -> str:
     """Return scores, and the confident share with the share of it that is right."""
     score = score_model(model.vertices, model.triangles, truth)
@@ -96,6 +110,7 @@ def main() -> None:
     parser.add_argument("--object")
     parser.add_argument("--every", type=int, default=1, help="take every such view only")
     parser.add_argument("--cases", default=",".join(CASES))
+    parser.add_argument("--evidence", action="store_true")
     options = parser.parse_args()
     catalogue = load_catalogue(options.catalogue)
     entry = catalogue.object(options.object or catalogue.objects[0].id)
@@ -105,6 +120,9 @@ def main() -> None:
     truth = load_true_mesh(str(entry.truth_model))
     for name in options.cases.split(","):
         try:
+            if options.evidence:
+                print(f"{entry.id}, {len(views)} views, {name}: {evidence(*CASES[name](views, stated))}", flush=True)
+                continue
             model, messages = merged(*CASES[name](views, stated))
         except UnusableCapture as error:
             print(f"{entry.id}, {len(views)} views, {name}: refused: {error}", flush=True)
