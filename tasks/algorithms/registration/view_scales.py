@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 from glint.tasks.algorithms.registration.epipolar_tangency import (
@@ -38,15 +37,8 @@ MIN_SCALED_VIEWS = 3
 
 
 def scaled(view: View, factor: float) -> View:
-    """Return a view whose pixels cover `factor` times as much of the world.
-
-    A perspective camera on a turntable is then so many times as far from the axis.
-    """
-    pixel_size = factor * view.pixel_size
-    if view.matrix is None:
-        return replace(view, pixel_size=pixel_size)
-    translation = np.array([*view.translation[:2], -pixel_size * areal_focal_length(view.matrix)])
-    return replace(view, pixel_size=pixel_size, translation=translation)
+    """Return an orthographic view whose pixels cover `factor` times as much of the world."""
+    return replace(view, pixel_size=factor * view.pixel_size)
 
 
 def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
@@ -55,10 +47,11 @@ def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
     All are 1 where none differs from it by more than the silhouettes err, or one by too much for an error of scale.
 
     table: the turntable on which the first views stand, its axis and angles solved with the scales, since they would
-    bend to wrong ones; None: all poses are held. A perspective view whose pose is a matrix has no scale of its own.
+    bend to wrong ones; None: all poses are held. Perspective views keep their scales: on a turntable these are
+    distances, which silhouettes hold less well than spheres do.
     """
     on_table = 0 if table is None else len(table.angles)
-    free = [number for number, view in enumerate(views) if view.matrix is None or number < on_table]
+    free = [number for number, view in enumerate(views) if view.matrix is None]
     factors = np.ones(len(views))
     if len(views) < MIN_SCALED_VIEWS or not free:
         return factors
