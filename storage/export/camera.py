@@ -48,6 +48,7 @@ class CaptureCamera:
     camera_to_world: (4, 4) float64, the camera frame's axes and origin in the world frame; None: unknown.
     pose_source: "model" (refined when the captures were merged), "catalogue", or None.
     turntable_degrees: the turntable's nominal angle, None where the catalogue has none.
+    world_unit: of the world frame, that of the object's model; None: `unit`.
     """
 
     matrix: np.ndarray | None
@@ -59,6 +60,7 @@ class CaptureCamera:
     camera_to_world: np.ndarray | None = None
     pose_source: Literal["model", "catalogue"] | None = None
     turntable_degrees: float | None = None
+    world_unit: str | None = None
 
     @property
     def region_matrix(self) -> np.ndarray | None:
@@ -112,6 +114,7 @@ def camera_of(
         camera_to_world=pose,
         pose_source=source,
         turntable_degrees=(entry.get("pose") or {}).get("turntable"),
+        world_unit=(model or {}).get("unit"),
     )
 
 
@@ -156,7 +159,7 @@ def camera_facts(camera: CaptureCamera) -> dict[str, Any]:
                 "unit": "m" if in_metres else None,
                 "from_camera": conversion("ros_optical", camera.unit).tolist() if in_metres else None,
             },
-            "world": {"axes": WORLD_AXES, "unit": camera.unit},
+            "world": {"axes": WORLD_AXES, "unit": camera.world_unit or camera.unit},
         },
         "pose": {
             "camera_to_world": _listed(camera.camera_to_world),

@@ -18,6 +18,7 @@ from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_mod
 from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
+from glint.tasks.algorithms.registration.view_scales import scaled
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.model.model_key import STAGE
 from glint.tasks.model.view_registration import view_of
@@ -92,7 +93,7 @@ def load_registered_views(works: Sequence[CaptureContext]) -> tuple[list[View], 
     for entry in works[0].repository.load(WHOLE_OBJECT, STAGE).record["views"]:
         work = by_name[entry["capture"]]
         matrix = np.array(entry["camera_to_world"])
-        views.append(view_of(work).with_pose(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
+        views.append(scaled(view_of(work), entry["scale_factor"]).with_camera_to_world(matrix))
         depths.append(work.load("depth").read("depth"))
     return views, depths
 

@@ -18,8 +18,9 @@ from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or
 from glint.tasks.model.base_plane import base_plane
 from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_output
+from glint.tasks.model.model_unit import checked_unit, unit_of_model
 from glint.tasks.model.pose_doubts import pose_doubts, with_doubts
-from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
+from glint.tasks.model.view_registration import register_views, relabelled
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
 
@@ -46,7 +47,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     always those of the views' own labels: labels derived from the model would confirm its errors.
 
     Raises:
-        UnusableCapture: the views do not fit together.
+        UnusableCapture: the views do not fit together, or their matrices are in another unit.
     """
     usable = labelled(works)
     by_name = {work.capture.id: work for work in usable}
@@ -59,6 +60,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     doubts = deviating_spheres(surveyed_spheres(usable))
     registered = register_views(by_name, doubts)
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
+    unit, of_unit = checked_unit(registered, unit)
     parameters = works[0].parameters.model
     base = base_plane(registered, parameters.base_plane)
     surface: Model | None = None
@@ -79,7 +81,8 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
     of_poses = pose_doubts(registered, surface)
-    return model_output(registered, with_doubts(surface, views, of_poses), unit, doubts, base, of_poses)
+    output = model_output(registered, with_doubts(surface, views, of_poses), unit, doubts, base, of_poses)
+    return replace(output, warnings=[*output.warnings, *of_unit])
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

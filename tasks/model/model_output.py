@@ -18,8 +18,8 @@ from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
-from glint.tasks.model.angle_corrections import correction_warnings
 from glint.tasks.model.base_plane import BasePlane
+from glint.tasks.model.corrections import correction_warnings
 from glint.tasks.model.pose_doubts import PoseDoubts
 
 OBSERVED_CONFIDENCE = 0.5
@@ -102,7 +102,7 @@ def model_report(registered: RegisteredViews, model: Model, unit: str, of_poses:
 
 
 def _view_report(number: int, registered: RegisteredViews, model: Model, agreeing: float) -> dict[str, Any]:
-    """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines.
+    """Return a view's entry: its pose and where that comes from, its scale, its residual, the share of its vertices.
 
     agreeing: the share of its confident normals with which other views agree, NaN if none shows the same part.
     """
@@ -113,6 +113,7 @@ def _view_report(number: int, registered: RegisteredViews, model: Model, agreein
         "capture": view.name,
         "pose": "found" if view.name in registered.searched else origin,
         "camera_to_world": view.camera_to_world.tolist(),
+        "scale_factor": round(registered.scale_factors.get(view.name, 1.0), 5),
         "outline_misses_pixels": round(registered.residuals[number], 3),
         "normals_agree": None if np.isnan(agreeing) else round(float(agreeing), 3),
         "share": round(float((model.source == number).mean()), 4),

@@ -8,12 +8,18 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import with_confidence
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
+from glint.tasks.algorithms.registration.pose_evidence import MAX_HELD_VIEWS, pose_evidence
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.view_agreement import AGREEING_DEG, ViewAgreement, view_agreement
 from glint.tasks.engine.stage_warning import StageWarning
 
+MIN_COMPARED_SHARE = 0.05
+"""Vertices that two views show with confidence, as a share of the model's, below which few views are hardly compared:
+17% and more are with eight views, 12% with five."""
 UNCOMPARED_TRUST = 0.9
-"""Factor of the confidence where no two views can be compared: nothing then shows that their poses are right."""
+"""Factor of the confidence where no two views can be compared and nothing else shows that their poses are right."""
+CONTRADICTED_TRUST = 0.3
+"""Factor of the confidence where other poses explain the normals better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +37,9 @@ class PoseDoubts:
 def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
     """Compare the normals of the registered views, as their own labels have them, where two of them see the model."""
     agreement = view_agreement(registered.views, model)
-    if not agreement.is_known:
-        message = (
-            f"no two of the {len(registered.views)} views show the same part of the object with confidence, so that"
-            " nothing confirms their poses, nor the direction of a turntable: take more views in between, eight are"
-            " good"
-        )
-        trust = np.full(len(registered.views), UNCOMPARED_TRUST)
-        return PoseDoubts(agreement, trust, (StageWarning(message, "views"),))
+    is_weak = agreement.shared.sum() / 2 < MIN_COMPARED_SHARE * len(model.vertices)
+    if not agreement.is_known or (is_weak and len(registered.views) <= MAX_HELD_VIEWS):
+        return _without_comparison(registered, agreement)
     contradicting = agreement.contradicting()
     if len(contradicting) == len(registered.views):
         return PoseDoubts(agreement, agreement.trust(), (_warning_of_all(registered, agreement),))
@@ -59,6 +60,25 @@ def with_doubts(model: Model, views: list[View], doubts: PoseDoubts) -> Model:
     """Return a model with the confidence that its views deserve."""
     doubted = [replace(view, trust=view.trust * trust) for view, trust in zip(views, doubts.trust, strict=True)]
     return with_confidence(doubted, model.vertices, model.triangles, model.cell)
+
+
+def _without_comparison(registered: RegisteredViews, agreement: ViewAgreement) -> PoseDoubts:
+    """Return the doubts of views of which hardly two can be compared: each is held against a model of all others."""
+    evidence = pose_evidence(registered.views, registered.turntable)
+    count = len(registered.views)
+    if evidence.is_sufficient:
+        return PoseDoubts(agreement, np.ones(count), ())
+    message = f"hardly two of the {count} views show the same part of the object with confidence, so that"
+    if evidence.better_alternative is not None:
+        message = (
+            f"the normals of the views contradict their poses: {message} each was held against a model of the others,"
+            f" and they agree better if {evidence.better_alternative}"
+        )
+        return PoseDoubts(agreement, np.full(count, CONTRADICTED_TRUST), (StageWarning(message, "views"),))
+    message += (
+        " nothing confirms their poses, nor the direction of a turntable: take more views in between, eight are good"
+    )
+    return PoseDoubts(agreement, np.full(count, UNCOMPARED_TRUST), (StageWarning(message, "views"),))
 
 
 def _warning_of_all(registered: RegisteredViews, agreement: ViewAgreement) -> StageWarning:

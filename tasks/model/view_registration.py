@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import Model
@@ -15,8 +14,8 @@ from glint.tasks.algorithms.registration.registered_views import (
     RegisteredViews,
     register_by_matrices,
     register_on_turntable,
-    register_unposed,
 )
+from glint.tasks.algorithms.registration.unposed_views import register_unposed
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
@@ -26,22 +25,6 @@ from glint.tasks.stages.markup import load_marks
 
 RELABELLING_ROUNDS = 3
 """Iterations of a labelling that starts from the model's normals, nearly right already; the next pass continues it."""
-
-
-def unit_of_model(works: Sequence[CaptureContext]) -> str:
-    """Return the unit of the model's coordinates, "mm" or "pixels", the same for all views.
-
-    Raises:
-        UnusableCapture: the scale of some views is known, that of others is not.
-    """
-    sizes = {work.capture.id: work.load("survey").record["pixel_size"] for work in works}
-    unknown = [name for name, size in sizes.items() if not size]
-    if unknown and len(unknown) < len(sizes):
-        raise UnusableCapture(
-            f"the scale of {', '.join(unknown)} is not known, that of the other views is",
-            "give pixel_size, or the diameter_mm of a sphere, for all views or for none",
-        )
-    return "pixels" if unknown else "mm"
 
 
 def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:

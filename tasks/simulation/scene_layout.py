@@ -66,8 +66,16 @@ def region_centre(layout: FrameLayout) -> tuple[float, float]:
 
 
 def object_size(layout: FrameLayout, options: CaptureOptions) -> tuple[int, int]:
-    """Return the width and height in pixels that the object may fill: less than the region if seen from above too."""
+    """Return the width and height in pixels that the object of several views may fill at z = 0.
+
+    Less than the region if it is seen from above too, or if a near camera magnifies what the turntable turns to it.
+    """
     share = FREE_POSE_SCALE if options.free_poses else 1.0
+    distance = camera_distance(layout, options)
+    if distance is not None:
+        # What reaches as far to the camera as to the side still lies in the region.
+        reach = max(layout.region.width, layout.region.height) / 2
+        share *= distance / (distance + reach + float(np.abs(region_centre(layout)).max()))
     return round(layout.region.width * share), round(layout.region.height * share)
 
 
@@ -106,7 +114,7 @@ def sphere_contour(column: float, layout: FrameLayout, camera: Camera | None) ->
 def object_solids(shape: str, layout: FrameLayout, options: CaptureOptions, placement: CameraPose) -> list[Solid]:
     """Return the solids of a shape, in the camera frame, as the camera of one view sees them."""
     distance = camera_distance(layout, options)
-    if distance is not None:
+    if distance is not None and options.views == 1:
         return _fitted_solids(shape, layout, distance)
     x, y = region_centre(layout)
     # The object is built about its own centre; the world's origin is on its axis, in the frame's centre row.

@@ -200,7 +200,9 @@ def _pose(layout: FrameLayout, options: CaptureOptions, placement: CameraPose) -
     if not options.free_poses:
         return Pose(turntable=placement.nominal_angle)
     rotation = placement.rotation @ rotation_about_y(placement.nominal_angle)
-    axis = np.array([region_centre(layout)[0] + placement.offset, 0.0, 0.0])
+    # The camera frame's origin is in the optical centre, or in the plane of the axis if there is none.
+    distance = camera_distance(layout, options) or 0.0
+    axis = np.array([region_centre(layout)[0] + placement.offset, 0.0, -distance])
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.T
     matrix[:3, 3] = -rotation.T @ axis * mm_per_pixel(layout, options)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import open3d
 import pytest
 
 from glint.storage.errors import StoreError
+from glint.storage.export.camera import CaptureCamera, PixelRegion, camera_facts
 from glint.storage.export.export import export
 from glint.storage.export.formats import export_as
 from glint.storage.export.mesh_files import write_ply
@@ -46,6 +48,13 @@ def test_camera_json_stands_beside_the_arrays(store: Path, tmp_path: Path) -> No
     points = np.asarray(mesh.vertices)
     conversion = np.array(phone["frames"]["opencv"]["from_camera"])
     np.testing.assert_allclose((rays * ahead[:, None])[: len(points)], points @ conversion[:3, :3].T, atol=1e-3)
+
+
+def test_the_world_has_the_unit_of_the_objects_model() -> None:
+    region = PixelRegion(0, 0, 4, 3)
+    alone = CaptureCamera(np.eye(3), region, (4, 3), None, "pixels", 1.0)
+    units = [camera_facts(camera)["frames"]["world"]["unit"] for camera in (alone, replace(alone, world_unit="mm"))]
+    assert units == ["pixels", "mm"]
 
 
 def test_a_camera_of_unknown_scale_has_no_metres(cup: ObjectRepository, tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import Model, decimated, vertex_normals
 from glint.tasks.algorithms.multiview.mesh_refinement import refine_mesh
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
@@ -75,8 +77,13 @@ def simplify(model: Model, views: Sequence[View], max_triangles: int) -> Model:
 def with_confidence(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
     """Return a mesh, vertices (N, 3) and triangles (M, 3), as a model with the confidence that the views give it.
 
+    Where the mesh has not the views' normals, as behind a step or where few silhouettes hold it, theirs say little of
+    its own: the angle between them is taken for the size of an angular error with two normal components.
+
     cell: edge in world units.
     """
     fused = fuse_normals(views, vertices, triangles)
     normals = vertex_normals(vertices, triangles)
-    return Model(vertices, triangles, normals, fused.confidence, fused.source_view, cell)
+    spread = np.radians(angles(normals, fused.normals)) / np.sqrt(2.0)
+    confidence = fused.confidence * probability_within_tolerance(spread)
+    return Model(vertices, triangles, normals, confidence, fused.source_view, cell)

@@ -10,12 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
 RAYS_PER_VIEW = 48
 """Rays per silhouette by which a view is judged."""
+CALIBRATION_RAYS = 120
+"""Rays per silhouette in the calibration: enough to average out the staircase of the pixels."""
+SILHOUETTE_ERROR_PX = 0.15
+"""Expected residual of a ray in pixels."""
+OUTLIER_RESIDUAL_PX = 1.0
+"""Residual in pixels beyond which the loss grows linearly."""
+HINGE_WIDTH_PX = 0.05
+"""Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
 COARSE_RAY_SAMPLES, FINE_RAY_SAMPLES = 40, 9
 """Samples along a ray: first through the whole bounding sphere, then around the best."""
 
@@ -67,6 +76,20 @@ def trace_silhouette_rays(views: Sequence[View], rays_per_view: int = RAYS_PER_V
 def silhouette_residuals(views: Sequence[View], rays_per_view: int = RAYS_PER_VIEW) -> np.ndarray:
     """Return the distances (V, rays_per_view), pixels, by which the rays of each view miss the hull of the others."""
     return np.maximum(trace_silhouette_rays(views, rays_per_view).distance, 0.0)
+
+
+def robust_residuals(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals (N,) of rays at signed distances (V, R), pixels, and their derivatives (N,) per pixel.
+
+    Rays inside the hull have zero residual (a smooth hinge); beyond OUTLIER_RESIDUAL_PX the squared residual grows
+    linearly (pseudo-Huber loss, Charbonnier et al. 1997).
+    """
+    flat = distances.ravel()
+    outside = HINGE_WIDTH_PX * np.logaddexp(0.0, flat / HINGE_WIDTH_PX)
+    root = np.sqrt(1.0 + (outside / OUTLIER_RESIDUAL_PX) ** 2)
+    scale = np.sqrt(2.0 / (root + 1.0))
+    residuals = outside * scale / SILHOUETTE_ERROR_PX
+    return residuals, expit(flat / HINGE_WIDTH_PX) / (root * scale) / SILHOUETTE_ERROR_PX
 
 
 def _deepest_points(

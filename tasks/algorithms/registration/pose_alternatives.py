@@ -30,8 +30,12 @@ MIN_FACTOR_CHANGE = 0.01
 """Change of a factor, or of a unit, from which it is one."""
 MAX_UNIT_ERROR = 0.1
 """Decades by which the ratio of two units may differ from a power of ten: centres of masks are not quite one point."""
+SAME_ROTATION = 0.02
+"""Largest difference of two rotation matrices' entries that are the same: a degree."""
 MIN_VIEWS = 5
 """Views from which an alternative proves anything: fewer agree at many poses."""
+
+DIRECTION = "the turntable turned clockwise (negate all angles), or if the videos are mirrored (mirror them back)"
 
 Alternative = tuple[str, list[View]]
 """What is different, to follow `all agree if`, and the views with these poses."""
@@ -49,6 +53,28 @@ def alternative_poses(views: Sequence[View], table: Turntable | None) -> str | N
     return ", or if ".join(agreeing) or None
 
 
+def silhouette_alternatives(views: Sequence[View], table: Turntable | None) -> list[Alternative]:
+    """Return the usual mistakes in stating poses under which the silhouettes agree too, so that normals must decide.
+
+    table: as of `alternative_poses`. Another step is not tried: few silhouettes agree at many.
+    """
+    if table is not None:
+        return [(DIRECTION, _calibrated(views, -table.angles))]
+    return [
+        (description, posed)
+        for description, posed in _matrices(views)
+        if not _is_same(views, posed) and silhouette_residuals(posed).mean(axis=1).max() <= MAX_RESIDUAL_PX
+    ]
+
+
+def _is_same(views: Sequence[View], posed: Sequence[View]) -> bool:
+    """Return whether the views stand to each other as before: another world alone is no other arrangement."""
+    before, after = (
+        np.array([view.rotation @ arrangement[0].rotation.T for view in arrangement]) for arrangement in (views, posed)
+    )
+    return bool(np.abs(before - after).max() < SAME_ROTATION)
+
+
 def _agree(views: Sequence[View]) -> bool:
     """Return whether silhouettes and normals of the views agree, as far as they can be compared."""
     if silhouette_residuals(views).mean(axis=1).max() > MAX_RESIDUAL_PX:
@@ -62,8 +88,7 @@ def _agree(views: Sequence[View]) -> bool:
 
 def _turntables(views: Sequence[View], table: Turntable) -> Iterator[Alternative]:
     """Yield the turntable turned the other way, and with another step."""
-    direction = "the turntable turned clockwise (negate all angles), or if the videos are mirrored (mirror them back)"
-    yield direction, _calibrated(views, -table.angles)
+    yield DIRECTION, _calibrated(views, -table.angles)
     factor = _angle_factor(views, table.angles)
     if abs(factor - 1.0) > MIN_FACTOR_CHANGE:
         step = float(np.median(np.abs(np.diff(table.angles))))

@@ -1,10 +1,10 @@
-"""Registration: the pose of every view, from a turntable, from given matrices, or searched on a coarse model.
+"""Registration: the pose and the scale of every view, from a turntable or from given matrices.
 
-A turntable is calibrated (turntable), contradictory views are rejected with the reason (view_rejection), views without
-a pose are registered where they fit a coarse model of the other views (pose_search).
+A turntable is calibrated (turntable), contradictory views are rejected with the reason (view_rejection), and small
+errors of the stated scales are corrected (view_scales).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,10 +15,10 @@ from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
-from glint.tasks.algorithms.registration.pose_fit import PoseFit
-from glint.tasks.algorithms.registration.pose_search import ambiguity, refine_pose, search_angles, search_rotations
+from glint.tasks.algorithms.registration.pose_search import refine_pose
 from glint.tasks.algorithms.registration.turntable import (
     ANGLE_ERROR_DEG,
+    LEANS_TO_CAMERA_DEG,
     Turntable,
     calibrate_axis,
     calibrate_turntable,
@@ -28,10 +28,9 @@ from glint.tasks.algorithms.registration.turntable import (
     turntable_consistency,
     views_on_turntable,
 )
-from glint.tasks.algorithms.registration.view_rejection import MAX_RESIDUAL_PX, RejectedView, reject_inconsistent
+from glint.tasks.algorithms.registration.view_rejection import RejectedView, reject_inconsistent
+from glint.tasks.algorithms.registration.view_scales import fit_scales, scaled
 
-SEARCHED_ANGLE_ERROR_DEG = 10.0
-"""Standard deviation in degrees of a turntable angle that was searched on a coarse model."""
 MAX_TURN_DEVIATIONS = 1.0
 """Standard deviations of a stated angle by which normals may turn a view from where silhouettes have it: false
 highlights agree at other angles too, 2.6 degrees off on a duck and 14 on a faceted bottle whose angles were right."""
@@ -44,7 +43,8 @@ class RegisteredViews:
     views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part
     of the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
     given_angles, angle_errors: (K,) its angles as given, multiplied by `step_factor` where their step was wrong, and
-    their standard deviations, degrees; searched: names of views whose pose was not given but searched.
+    their standard deviations, degrees; searched: names of views whose pose was not given but searched;
+    scale_factors: of the stated pixel sizes that were corrected, by name.
     """
 
     views: tuple[View, ...]
@@ -55,6 +55,7 @@ class RegisteredViews:
     angle_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     searched: tuple[str, ...] = ()
     step_factor: float = 1.0
+    scale_factors: Mapping[str, float] = field(default_factory=dict)
 
 
 def register_on_turntable(
@@ -70,7 +71,7 @@ def register_on_turntable(
     _require_two([*views, *posed])
     _require_rotations(posed)
     views, angles, posed = list(views), list(angles), list(posed)
-    table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
+    table = calibrate_axis([*views, *posed], initial_turntable(views, angles), LEANS_TO_CAMERA_DEG)
     kept, rejected = _agreeing(views, posed, table)
     if rejected:
         posed = [posed[number - len(views)] for number in kept if number >= len(views)]
@@ -78,14 +79,19 @@ def register_on_turntable(
         views, angles = [views[number] for number in on_table], [angles[number] for number in on_table]
         _require_two([*views, *posed])
         if not views:
-            return RegisteredViews(tuple(posed), tuple(rejected), _mean_residuals(posed))
-        table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
-    errors, everything = np.full(len(views), ANGLE_ERROR_DEG), (*views, *posed)
+            return RegisteredViews(tuple(posed), tuple(rejected), mean_residuals(posed))
+        table = calibrate_axis([*views, *posed], initial_turntable(views, angles), LEANS_TO_CAMERA_DEG)
+    everything, scales = _rescaled(views_on_turntable([*views, *posed], table), table)
+    if scales:
+        table = calibrate_axis(everything, table)
+    errors = np.full(len(views), ANGLE_ERROR_DEG)
     factor = step_factor(everything, table, np.asarray(angles, float))
     given_angles = factor * np.asarray(angles, float)
     solved = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
-    registered = RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor)
-    return _with_turntable(registered, solved)
+    registered = RegisteredViews(
+        everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor, scale_factors=scales
+    )
+    return with_turntable(registered, solved)
 
 
 def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
@@ -97,9 +103,16 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
     _require_two(views)
     _require_rotations(views)
     kept, rejected = _agreeing([], views, None)
-    chosen = [views[number] for number in kept]
-    _require_two(chosen)
-    return RegisteredViews(tuple(chosen), tuple(rejected), _mean_residuals(chosen))
+    _require_two(kept)
+    chosen, scales = _rescaled([views[number] for number in kept], None)
+    return RegisteredViews(chosen, tuple(rejected), mean_residuals(chosen), scale_factors=scales)
+
+
+def _rescaled(views: Sequence[View], table: Turntable | None) -> tuple[tuple[View, ...], dict[str, float]]:
+    """Return views with corrected scales, and the factors of those that were corrected; see `fit_scales`."""
+    factors = fit_scales(views, table)
+    changed = {view.name: float(factor) for view, factor in zip(views, factors, strict=True) if factor != 1.0}
+    return tuple(scaled(view, changed[view.name]) if view.name in changed else view for view in views), changed
 
 
 def _agreeing(
@@ -145,7 +158,7 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
         if not registered.searched:
             return registered
         views = [refine_pose(view, model) if view.name in registered.searched else view for view in registered.views]
-        return replace(registered, views=tuple(views), residuals=_mean_residuals(views))
+        return replace(registered, views=tuple(views), residuals=mean_residuals(views))
     if len(registered.views) < 3:
         return registered
     fused = fuse_normals(registered.views, model.vertices, model.triangles)
@@ -156,78 +169,21 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
     turns = relative_turns(registered.turntable.angles, solved.angles)
     if (np.abs(turns) > MAX_TURN_DEVIATIONS * registered.angle_errors).any():
         return registered
-    return _with_turntable(registered, solved)
+    return with_turntable(registered, solved)
 
 
-def register_unposed(registered: RegisteredViews, unposed: Sequence[View], model: Model) -> RegisteredViews:
-    """Register views without a pose where they fit a model of the registered views.
-
-    Views that fit nowhere, or at several poses, are rejected.
-    """
-    for view in unposed:
-        result = _register_one_more(registered, view, model)
-        if isinstance(result, str):
-            rejection = RejectedView(view.name, result, remedy="give its pose")
-            result = replace(registered, rejected=(*registered.rejected, rejection))
-        registered = result
-    return registered
-
-
-def _register_one_more(registered: RegisteredViews, view: View, model: Model) -> RegisteredViews | str:
-    """Return the views with one more where it fits the model, or the reason why it does not."""
-    if registered.turntable is None and view.matrix is not None:
-        return "its pose is not given, and under a camera matrix it cannot be searched"
-    fits = _search_pose(registered, view, model)
-    reason = ambiguity(fits)
-    if reason is not None:
-        return reason
-    extended = _with_view(registered, view, fits[0])
-    residual = extended.residuals[[other.name for other in extended.views].index(view.name)]
-    if residual > MAX_RESIDUAL_PX:
-        return f"its pose is not given, and where it fits best it misses by {residual:.1f} pixels"
-    return extended
-
-
-def _search_pose(registered: RegisteredViews, view: View, model: Model) -> list[PoseFit]:
-    """Return the poses at which a view fits the model, the best first."""
-    table = registered.turntable
-    if table is None:
-        return search_rotations(view, model)
-
-    def pose(angle: float) -> tuple[np.ndarray, np.ndarray]:
-        posed = views_on_turntable([view], replace(table, angles=np.array([angle])))[0]
-        return posed.rotation, posed.translation
-
-    return search_angles(view, model, pose)
-
-
-def _with_view(registered: RegisteredViews, view: View, fit: PoseFit) -> RegisteredViews:
-    """Return the views with one more at its best fit; a turntable is calibrated again with it."""
-    searched = (*registered.searched, view.name)
-    if registered.turntable is None or fit.angle is None:
-        views = (*registered.views, view.with_pose(fit.rotation, fit.translation))
-        return replace(registered, views=views, residuals=_mean_residuals(views), searched=searched)
-    on_table = len(registered.turntable.angles)
-    views = (*registered.views[:on_table], view, *registered.views[on_table:])
-    given_angles = np.append(registered.given_angles, fit.angle)
-    errors = np.append(registered.angle_errors, SEARCHED_ANGLE_ERROR_DEG)
-    table = replace(registered.turntable, angles=np.append(registered.turntable.angles, fit.angle))
-    extended = replace(registered, views=views, given_angles=given_angles, angle_errors=errors, searched=searched)
-    return _with_turntable(extended, calibrate_turntable(views, table, given_angles, angle_errors=errors))
-
-
-def _with_turntable(registered: RegisteredViews, table: Turntable) -> RegisteredViews:
+def with_turntable(registered: RegisteredViews, table: Turntable) -> RegisteredViews:
     """Return the views with the poses of a calibrated turntable."""
     views = views_on_turntable(registered.views, table)
-    return replace(registered, views=tuple(views), residuals=_mean_residuals(views), turntable=table)
+    return replace(registered, views=tuple(views), residuals=mean_residuals(views), turntable=table)
 
 
-def _mean_residuals(views: Sequence[View]) -> tuple[float, ...]:
+def mean_residuals(views: Sequence[View]) -> tuple[float, ...]:
     """Return the mean silhouette residual of each view in pixels."""
     return tuple(float(residual) for residual in silhouette_residuals(views).mean(axis=1))
 
 
-def _require_two(views: Sequence[View]) -> None:
+def _require_two(views: Sequence[object]) -> None:
     """Raise UnusableCapture if there are fewer than two views."""
     if len(views) < 2:
         raise UnusableCapture(

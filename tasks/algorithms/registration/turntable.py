@@ -13,23 +13,21 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from scipy.special import expit
 from scipy.stats import theilslopes
 
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
-from glint.tasks.algorithms.registration.epipolar_tangency import SilhouetteRays, trace_silhouette_rays
+from glint.tasks.algorithms.registration.epipolar_tangency import (
+    CALIBRATION_RAYS,
+    SilhouetteRays,
+    robust_residuals,
+    trace_silhouette_rays,
+)
 from glint.tasks.algorithms.registration.normal_consistency import NormalConsistency, normal_consistency
 
-CALIBRATION_RAYS = 120
-"""Rays per silhouette in the calibration: enough to average out the staircase of the pixels."""
-SILHOUETTE_ERROR_PX = 0.15
-"""Expected residual of a ray in pixels."""
-OUTLIER_RESIDUAL_PX = 1.0
-"""Residual in pixels beyond which the loss grows linearly."""
-HINGE_WIDTH_PX = 0.05
-"""Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
+LEANS_TO_CAMERA_DEG = (0.0, 25.0, -25.0)
+"""Leans of the axis from which it is fitted first: cameras look down on turntables."""
 ANGLE_ERROR_DEG, LEAN_ERROR_DEG = 1.0, 4.0
 """Standard deviation of the given angles, and of the axis from upright, in degrees."""
 STEP_ERROR = 0.02
@@ -102,9 +100,16 @@ def views_on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
     return posed
 
 
-def calibrate_axis(views: Sequence[View], start: Turntable) -> Turntable:
-    """Fit the axis to the views' silhouettes; the angles stay as they are."""
-    return _calibrate(views, start, start.angles, None, np.zeros((0, len(start.angles))), np.zeros(0))
+def calibrate_axis(views: Sequence[View], start: Turntable, leans: Sequence[float] = (0.0,)) -> Turntable:
+    """Fit the axis to the views' silhouettes; the angles stay as they are.
+
+    leans: degrees by which the axis leans more to the camera than at the start, from each of which it is fitted; the
+    best fit is returned. Few views nearly agree at the opposite lean too.
+    """
+    held = np.zeros((0, len(start.angles))), np.zeros(0)
+    starts = [replace(start, lean_to_camera=start.lean_to_camera + lean) for lean in leans]
+    fits = [_calibrate(views, table, start.angles, None, *held) for table in starts]
+    return min(fits, key=lambda fit: fit[1])[0]
 
 
 def calibrate_turntable(
@@ -125,7 +130,7 @@ def calibrate_turntable(
     turned = given_angles - given_angles.mean()
     covariance = np.diag(errors**2) + step_error**2 * np.outer(turned, turned)
     variances, directions = np.linalg.eigh(covariance)
-    solved = _calibrate(views, start, given_angles, normals, directions.T, 1.0 / np.sqrt(variances))
+    solved, _ = _calibrate(views, start, given_angles, normals, directions.T, 1.0 / np.sqrt(variances))
     if len(views) > len(given_angles):
         return solved
     return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=errors**-2.0))
@@ -166,8 +171,8 @@ def _calibrate(
     normals: NormalConsistency | None,
     free: np.ndarray,
     precision: np.ndarray,
-) -> Turntable:
-    """Solve the least-squares problem for the changes of offset, leans and angles from the start.
+) -> tuple[Turntable, float]:
+    """Return the least-squares solution for the changes of offset, leans and angles from the start, and its cost.
 
     free (F, K): the directions in which the angles may change; precision (F,): the inverse standard deviations, per
     degree, of these changes.
@@ -202,11 +207,11 @@ def _calibrate(
         angle_changes = unknowns[3:] @ free
         distances = rays_at(*unknowns.tolist()).distance
         prior = prior_weight * (unknowns - prior_mean)
-        return np.concatenate([_robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
+        return np.concatenate([robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
         rays = rays_at(*unknowns.tolist())
-        slope = _robust_residuals(rays.distance)[1]
+        slope = robust_residuals(rays.distance)[1]
         columns = []
         for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
             # The deepest points stay on their rays to first order, so they need not be searched again.
@@ -221,18 +226,4 @@ def _calibrate(
     solution = least_squares(
         residuals, np.zeros(len(prior_weight)), jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4
     )
-    return turntable(solution.x)
-
-
-def _robust_residuals(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return residuals (N,) of rays at signed distances (V, R), pixels, and their derivatives (N,) per pixel.
-
-    Rays inside the hull have zero residual (a smooth hinge); beyond OUTLIER_RESIDUAL_PX the squared residual grows
-    linearly (pseudo-Huber loss, Charbonnier et al. 1997).
-    """
-    flat = distances.ravel()
-    outside = HINGE_WIDTH_PX * np.logaddexp(0.0, flat / HINGE_WIDTH_PX)
-    root = np.sqrt(1.0 + (outside / OUTLIER_RESIDUAL_PX) ** 2)
-    scale = np.sqrt(2.0 / (root + 1.0))
-    residuals = outside * scale / SILHOUETTE_ERROR_PX
-    return residuals, expit(flat / HINGE_WIDTH_PX) / (root * scale) / SILHOUETTE_ERROR_PX
+    return turntable(solution.x), float(solution.cost)

@@ -120,7 +120,7 @@ class CaptureOptions:
             "light_radius": 0.5 <= self.light_radius <= 30,
             "rays": 1 <= self.rays <= 8,
             "light_distance": self.light_distance is None or self.light_distance >= 1,
-            "focal": self.focal is None or (self.focal >= 0.5 and self.views == 1),
+            "focal": self.focal is None or self.focal >= 0.5,
             "table_tilt": 0 <= self.table_tilt <= 80,
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,

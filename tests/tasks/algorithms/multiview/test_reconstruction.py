@@ -14,7 +14,7 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
 from glint.tasks.algorithms.multiview.poisson import merge_depth_maps
 from glint.tasks.algorithms.multiview.raycast import expected_normals, raycast
-from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface, simplify
+from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface, simplify, with_confidence
 from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
 from glint.tasks.algorithms.multiview.visual_hull import hull_field, hull_model
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
@@ -263,3 +263,14 @@ def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trim
     assert not registered.rejected and max(registered.residuals) < 0.031
     merged = reconstruct_surface(views, hull_model(views, 6000), rounds=2, steps=5)
     assert scored(merged, truth).chamfer < 0.0044
+
+
+def test_a_surface_that_has_not_the_views_normals_is_not_confident(truth: trimesh.Trimesh, upright: list[View]) -> None:
+    exact = true_model(truth)
+    right = with_confidence(upright, exact.vertices, exact.triangles, exact.cell)
+    # Ripples of 8 degrees that no view shows.
+    wavelength, height = 6.0, 6.0 / (2.0 * np.pi) * np.tan(np.radians(8.0))
+    ripples = height * np.sin(2.0 * np.pi * exact.vertices[:, 1] / wavelength)
+    rippled = exact.vertices + ripples[:, None] * exact.normals
+    wrong = with_confidence(upright, rippled, exact.triangles, exact.cell)
+    assert (wrong.confidence > 0.9).mean() < 0.4 * (right.confidence > 0.9).mean()

@@ -15,9 +15,9 @@ from glint.tasks.algorithms.registration.registered_views import (
     refine,
     register_by_matrices,
     register_on_turntable,
-    register_unposed,
 )
 from glint.tasks.algorithms.registration.turntable import Turntable
+from glint.tasks.algorithms.registration.unposed_views import register_unposed
 from tests.tasks.algorithms.multiview.figurine import body, views_at, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)

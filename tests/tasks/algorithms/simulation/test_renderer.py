@@ -8,6 +8,7 @@ import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.algorithms.multiview.view import rotation_about_y
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.light_path import light_path
@@ -161,6 +162,36 @@ def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> N
     assert [capture.pose.turntable for capture in entry.captures if capture.pose] == [0.0, 120.0, 240.0]
     model = trimesh.load(str(entry.truth_model))
     assert model.extents[1] > 5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("free_poses", [False, True])
+def test_near_views_lie_in_their_regions_and_agree_with_the_model(tmp_path: Path, free_poses: bool) -> None:
+    import trimesh
+
+    options = CaptureOptions(frames=2, scale=0.3, sphere_radius=20.0, rays=1, views=3, focal=1.0, free_poses=free_poses)
+    entry = load(simulate("bird", tmp_path, options).catalogue).object("bird")
+    corners = trimesh.load(str(entry.truth_model)).vertices
+    for capture in entry.captures:
+        assert capture.camera is not None and capture.region is not None and capture.pose is not None
+        matrix, pose = np.array(capture.camera.matrix), np.eye(4)
+        if free_poses:
+            pose = np.array(capture.pose.camera_to_world)
+        else:
+            # The axis is where a pixel covers so many millimetres; the region's centre is on it.
+            pose[:3, :3] = rotation_about_y(capture.pose.turntable or 0.0).T
+            middle = (capture.region.x + (capture.region.width - 1) / 2 - matrix[0, 2]) * 25.0 / 40.0
+            pose[:3, 3] = pose[:3, :3] @ [-middle, 0.0, matrix[0, 0] * 25.0 / 40.0]
+        seen = (corners - pose[:3, 3]) @ pose[:3, :3]
+        columns = matrix[0, 2] - matrix[0, 0] * seen[:, 0] / seen[:, 2] - capture.region.x
+        rows = matrix[1, 2] + matrix[1, 1] * seen[:, 1] / seen[:, 2] - capture.region.y
+        picture = cv2.imread(str(capture.mask), cv2.IMREAD_GRAYSCALE)
+        assert picture is not None
+        mask = np.asarray(picture) > 0
+        assert not (mask[[0, -1]].any() or mask[:, [0, -1]].any())
+        for positions, is_inside in ((columns, mask.any(axis=0)), (rows, mask.any(axis=1))):
+            shown = np.flatnonzero(is_inside)
+            assert abs(positions.min() - shown[0]) < 1.6 and abs(positions.max() - shown[-1]) < 1.6
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""Corrections of stated turntable angles: of all views together none, of single ones a warning."""
+"""Corrections of stated angles and scales: of all views together none, of single ones a warning."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.turntable import Turntable
-from glint.tasks.model.angle_corrections import correction_warnings
+from glint.tasks.model.corrections import correction_warnings
 from tests.tasks.algorithms.multiview.figurine import body, views_of
 
 GIVEN = np.array([0.0, 90.0, 180.0, 270.0])
@@ -51,3 +51,9 @@ def test_a_wrong_step_is_named_once_and_angles_as_they_were_stated(registered: R
     first, second = (warning.message for warning in correction_warnings(stepped))
     assert first.startswith("all angles of the turntable were multiplied by 1.250")
     assert "is stated as 72 degrees" in second
+
+
+def test_a_large_correction_of_a_scale_names_the_view(registered: RegisteredViews) -> None:
+    scaled = replace(registered, turntable=None, scale_factors={"left": 1.004, "right": 0.972})
+    (message,) = (warning.message for warning in correction_warnings(scaled))
+    assert message.startswith("the scale of right was corrected by -2.8%")

@@ -1,4 +1,4 @@
-"""Corrections of a turntable's stated angles: small ones are the accuracy of its scale, a large one is a mistake."""
+"""Corrections of stated angles and scales: small ones are the accuracy of the statement, a large one is a mistake."""
 
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.turntable import relative_turns
@@ -6,14 +6,32 @@ from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_CORRECTION_DEG = 3.0
 """Correction of an angle, beside that of all, beyond which it is reported: scales are read to about a degree."""
+USUAL_SCALE_CORRECTION = 0.0125
+"""Relative correction of a view's scale beyond which it is reported: spheres give it to a percent."""
 
 
 def correction_warnings(registered: RegisteredViews) -> list[StageWarning]:
-    """Return a warning if the step of the stated angles was corrected by much, and for each further large correction.
+    """Return a warning of each scale and angle that was corrected by much, and of the step of all angles.
 
     A view with a wrong angle is rejected where the others contradict it. Few views, or views that face each other, may
     instead move others until all silhouettes agree, on a wrong shape.
     """
+    return _of_scales(registered) + _of_angles(registered)
+
+
+def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
+    return [
+        StageWarning(
+            f"the scale of {name} was corrected by {100.0 * (factor - 1.0):+.1f}% to agree with the silhouettes of the"
+            " others: the camera was moved or zoomed, or the `pixel_size` or a sphere of this view is wrong",
+            "views",
+        )
+        for name, factor in registered.scale_factors.items()
+        if abs(factor - 1.0) > USUAL_SCALE_CORRECTION
+    ]
+
+
+def _of_angles(registered: RegisteredViews) -> list[StageWarning]:
     table = registered.turntable
     if table is None:
         return []

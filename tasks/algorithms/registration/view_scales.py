@@ -1,0 +1,98 @@
+"""Scales of views: how much larger or smaller each one's pixels are than stated, from the silhouettes.
+
+A sphere's radius, and so the scale, is known to a percent of itself, and the camera may have been moved or zoomed
+between views. Silhouette coherence (epipolar_tangency) shows it: the ray through the top of the object in one view must
+touch the hull of all others. A prior holds the scales near those stated, and their common factor, which no silhouette
+knows, at one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
+from glint.tasks.algorithms.registration.epipolar_tangency import (
+    CALIBRATION_RAYS,
+    robust_residuals,
+    trace_silhouette_rays,
+)
+from glint.tasks.algorithms.registration.turntable import (
+    ANGLE_ERROR_DEG,
+    DIFFERENCE_STEP,
+    LEAN_ERROR_DEG,
+    MAX_EVALUATIONS,
+    Turntable,
+    views_on_turntable,
+)
+
+SCALE_ERROR = 0.01
+"""Relative standard deviation of a view's stated scale."""
+MIN_SCALE_CORRECTION, MAX_SCALE_CORRECTION = 0.005, 0.05
+"""Corrections below which all stated scales are kept, and beyond which: what needs a larger one is another mistake."""
+MIN_SCALED_VIEWS = 3
+"""Views from which their scales are compared: two of them agree in the height of the object alone."""
+
+
+def scaled(view: View, factor: float) -> View:
+    """Return an orthographic view whose pixels cover `factor` times as much of the world."""
+    return replace(view, pixel_size=factor * view.pixel_size)
+
+
+def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
+    """Return the factors (V,) of the views' pixel sizes at which their silhouettes agree best.
+
+    All are 1 where none differs from it by more than the silhouettes err, or one by too much for an error of scale.
+
+    table: the turntable on which the first views stand, its axis and angles solved with the scales, since they would
+    bend to wrong ones; None: all poses are held. Perspective views keep their scales: on a turntable these are
+    distances, which silhouettes hold less well than spheres do.
+    """
+    on_table = 0 if table is None else len(table.angles)
+    free = [number for number, view in enumerate(views) if view.matrix is None]
+    factors = np.ones(len(views))
+    if len(views) < MIN_SCALED_VIEWS or not free:
+        return factors
+    centre = bounding_sphere(views)[0][None]
+    sizes = np.array([view.footprint(centre)[0] for view in views])
+    percent_of_object = bounding_sphere(views)[1] / 50
+    # Unknowns: percent of the scales, then percent of the object's size, and degrees, of the turntable.
+    start, errors = np.zeros(len(free)), np.full(len(free), 100.0 * SCALE_ERROR)
+    if table is not None:
+        start = np.append(start, np.zeros(3 + on_table))
+        errors = np.concatenate([errors, [np.inf], np.full(2, LEAN_ERROR_DEG), np.full(on_table, ANGLE_ERROR_DEG)])
+
+    def at(unknowns: np.ndarray) -> list[View]:
+        result = list(views)
+        for number, percent in zip(free, unknowns, strict=False):
+            result[number] = scaled(views[number], float(np.exp(percent / 100)))
+        if table is None:
+            return result
+        offset, to_camera, right = unknowns[len(free) : len(free) + 3].tolist()
+        moved = Turntable(
+            table.offset + offset * percent_of_object,
+            table.lean_to_camera + to_camera,
+            table.lean_right + right,
+            table.angles + unknowns[len(free) + 3 :],
+        )
+        return views_on_turntable(result, moved)
+
+    def residuals(unknowns: np.ndarray) -> np.ndarray:
+        distances = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS).distance
+        return np.concatenate([robust_residuals(distances)[0], unknowns / errors])
+
+    def jacobian(unknowns: np.ndarray) -> np.ndarray:
+        rays = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS)
+        slope = robust_residuals(rays.distance)[1]
+        columns = []
+        for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
+            forward, backward = (rays.distances(at(unknowns + sign * step), sizes) for sign in (1.0, -1.0))
+            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
+        return np.vstack([np.stack(columns, axis=1), np.diag(1.0 / errors)])
+
+    solution = least_squares(residuals, start, jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4)
+    factors[free] = np.exp(solution.x[: len(free)] / 100)
+    largest = np.abs(np.log(factors)).max()
+    return factors if MIN_SCALE_CORRECTION < largest < MAX_SCALE_CORRECTION else np.ones(len(views))

@@ -1,0 +1,57 @@
+"""Four views of the figurine that share nothing: their poses confirmed, contradicted, or left open."""
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.pose_evidence import PoseEvidence, log_ratio, pose_evidence
+from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
+from tests.tasks.algorithms.multiview.figurine import body, views_of
+
+ANGLES = np.arange(0.0, 360.0, 90.0)
+
+
+@pytest.fixture(scope="module")
+def views() -> list[View]:
+    return views_of(body(), Turntable(0.0, 0.0, 0.0, ANGLES))
+
+
+def evidence_at(views: list[View], angles: np.ndarray) -> PoseEvidence:
+    table = Turntable(0.0, 0.0, 0.0, angles)
+    return pose_evidence(views_on_turntable(views, table), table)
+
+
+@pytest.mark.long
+def test_right_poses_are_confirmed(views: list[View]) -> None:
+    evidence = evidence_at(views, ANGLES)
+    assert evidence.is_sufficient and evidence.better_alternative is None
+    assert pose_evidence(views, None).is_sufficient
+
+
+@pytest.mark.long
+def test_a_turntable_that_turned_the_other_way_is_contradicted(views: list[View]) -> None:
+    evidence = evidence_at(views, -ANGLES)
+    assert not evidence.is_sufficient
+    assert evidence.better_alternative is not None and "negate all angles" in evidence.better_alternative
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_wrong_angle_is_not_confirmed(views: list[View], number: int) -> None:
+    evidence = evidence_at(views, ANGLES + 10.0 * (np.arange(4) == number))
+    assert not evidence.is_sufficient
+
+
+def test_three_views_and_mixed_poses_are_left_open(views: list[View]) -> None:
+    for some, table in (
+        (views[:3], Turntable(0.0, 0.0, 0.0, ANGLES[:3])),
+        (views, Turntable(0.0, 0.0, 0.0, ANGLES[:2])),
+    ):
+        evidence = pose_evidence(some, table)
+        assert not evidence.is_sufficient and evidence.better_alternative is None
+
+
+def test_what_cannot_be_compared_counts_for_nothing() -> None:
+    assert log_ratio(np.array([10.0, np.nan, 5.0]), np.array([20.0, 4.0, 5.0])) == pytest.approx(np.log(2.0))
+    assert np.isnan(log_ratio(np.array([np.nan]), np.array([3.0])))
+    assert not PoseEvidence(np.nan, None, np.zeros(4)).is_sufficient
