@@ -87,7 +87,7 @@ class CaptureOptions:
     missing_quarter: bool = False
     """If set, the light never visits one quarter of the hemisphere, chosen by the seed."""
     light_distance: float | None = None
-    """Distance of the light from the object's centre in frame widths; None: infinite."""
+    """Distance of the light from the frame's centre in frame widths; None: infinite."""
     focal: float | None = None
     """Focal length of the camera in frame widths (0.8: a phone), which sets its distance; None: orthographic."""
     table_tilt: float = 0.0
