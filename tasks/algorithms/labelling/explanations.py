@@ -29,7 +29,9 @@ MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 6.0, 40.0
 """Mean angle between accepted normals and a surface of revolution without its relief from which facets may be what that
 explains, and evidence for a faceted body from which they are."""
 CONTRADICTED_DEG = 6.0
-"""Angle from which an accepted normal contradicts a solid."""
+"""Angle from which an accepted normal contradicts a solid, and up to which a surface explains a candidate."""
+MIN_EXPLAINED_RATIO = 0.65
+"""Pixels with a candidate that a solid explains, relative to the field's: of solids 0.73 or more, of domes 0.59."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
@@ -113,8 +115,7 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
 def _with_unproven_symmetry(state: Alternation) -> Alternation:
     """Return the state whose expected field is a surface of revolution, if that fits what was observed better.
 
-    What the smooth field accepts of a fine relief shows neither that nor the surface below it. Labels that follow the
-    surface may.
+    What the smooth field accepts of a fine relief shows neither that nor the surface below. Labels that follow it may.
     """
     normals = state.view.symmetry.unproven_normals(state.known_values, state.view.normals, state.initial)
     if normals is not None:
@@ -148,12 +149,16 @@ def _is_faceted(state: Alternation) -> bool:
 
 
 def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
-    """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict it."""
+    """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict them.
+
+    They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone.
+    """
     view, margins = state.view, []
+    least = MIN_EXPLAINED_RATIO * _explained_pixels(state, blended_normals(state.values, state.smooth))
     for solid in [*view.facets.likeliest, *([] if view.prism.best is None else [view.prism.best])]:
         contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
         margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / view.mask.sum()
-        if margin >= 0.0:
+        if margin >= 0.0 and _explained_pixels(state, solid.normals) >= least:
             margins.append((float(margin), solid))
     solids = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
     prism = next((solid for solid in solids if solid is view.prism.best), None)
@@ -161,6 +166,11 @@ def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     if prism is not None and angles(prism.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
         return [prism, *(solid for solid in solids if solid is not prism)]
     return solids
+
+
+def _explained_pixels(state: Alternation, normals: np.ndarray) -> int:
+    """Return in how many pixels normals (H, W, 3) explain a candidate."""
+    return int((angles(state.view.normals, normals) < CONTRADICTED_DEG).any(axis=0).sum())
 
 
 def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
@@ -175,11 +185,8 @@ def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> Pol
 
     def is_refuted(solid: PolyhedralNormals) -> bool:
         contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
-        for pixels in solid.faces_in(mask):
-            is_large = pixels.sum() >= MIN_REFUTED_SHARE * mask.sum()
-            if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
-                return True
-        return False
+        faces = (pixels for pixels in solid.faces_in(mask) if pixels.sum() >= MIN_REFUTED_SHARE * mask.sum())
+        return any(contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE for pixels in faces)
 
     return next((solid for solid in solids if not is_refuted(solid)), None)
 

@@ -840,7 +840,9 @@ ROWS = (
         "[" * 100_000,
         "DIR/m.json:1: this is not a list of marks: write [{frame: .., x: .., y: .., kind: ..}, ..]",
     ),
-    Hostile("markup", "not UTF-8", b'[{"frame": \xff}]', "DIR/m.json is not UTF-8 text: save it as UTF-8"),
+    Hostile(
+        "markup", "not UTF-8", b'[{"frame": \xff}]', "DIR/m.json is not UTF-8 text: name a text file, saved as UTF-8"
+    ),
     Hostile("markup", "device", link("/dev/urandom"), "DIR/m.json is not a file: give the path of a file"),
     Hostile(
         "markup",

@@ -3,7 +3,7 @@
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -45,11 +45,30 @@ def bodies_of(*solids: PolyhedralNormals) -> FacetSearch:
     return SimpleNamespace(likeliest=list(solids))  # type: ignore[return-value]
 
 
+NO_PRISM = cast(PrismSearch, SimpleNamespace(best=None))
+
+
 def with_searches(settled: Alternation, **searches: Any) -> Alternation:
     """Replace searches of the view by others."""
     state = copy(settled)
     state.view = replace(settled.view, **searches)
     return state
+
+
+def test_a_dome_is_no_faceted_body() -> None:
+    rows, columns = np.mgrid[-40:41, -40:41] / 40.0
+    height = np.sqrt(np.maximum(1.0 - rows**2 - columns**2, 0.0))
+    mask = np.hypot(rows, columns) < 0.98
+    dome = np.where(mask[..., None], np.stack([columns, -rows, height], axis=-1), np.nan)
+    state = settle(clusters_of(np.where(dome[..., 2:] > 0.75, dome, np.nan)[None].astype(np.float32)), mask, ALONE)
+    assert state.known[mask].mean() > 0.3
+    quarters = np.stack([0.35 * np.sign(columns), -0.35 * np.sign(rows), np.full(mask.shape, 0.87)], axis=-1)
+    quarters = np.where(mask[..., None], unit(quarters), np.nan).astype(np.float32)
+    faces = np.where(mask, 2 * (rows > 0) + (columns > 0), -1)
+    facets = PolyhedralNormals(quarters, np.zeros(mask.shape, np.float32), faces, 60.0)
+    right = facets._replace(normals=dome.astype(np.float32))
+    assert explanations._likely_solids(with_searches(state, facets=bodies_of(facets), prism=NO_PRISM)) == []
+    assert explanations._likely_solids(with_searches(state, facets=bodies_of(right), prism=NO_PRISM)) == [right]
 
 
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
@@ -161,10 +180,16 @@ def test_the_faces_that_never_showed_the_light_follow_from_a_faceted_body(
     assert after < 5.0
 
 
+def otherwise_where_dark(settled: Alternation, truth: np.ndarray, turn: float) -> np.ndarray:
+    """Return the true normals (H, W, 3), turned to the right where the object shows no highlight."""
+    is_dark = ~np.isfinite(settled.view.normals[..., 0]).any(axis=0)
+    return np.where(is_dark[..., None], unit(truth + np.array([turn, 0.0, 0.0])), truth)
+
+
 def test_of_the_same_solid_a_prism_is_preferred(settled: Alternation, truth: np.ndarray) -> None:
     faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
-    turned = unit(truth + np.array([0.05, 0.0, 0.0]))
-    for other, preferred in ((turned, truth), (unit(truth + np.array([0.5, 0.0, 0.0])), None)):
+    turned, another = unit(truth + np.array([0.05, 0.0, 0.0])), otherwise_where_dark(settled, truth, 0.8)
+    for other, preferred in ((turned, truth), (another, None)):
         facets = bodies_of(PolyhedralNormals(other, depths, faces, 90.0))
         state = with_searches(settled, prism=prism_of(truth, faces, 60.0), facets=facets)
         expected = explain(state).expected
@@ -182,7 +207,7 @@ def test_facets_take_the_place_of_a_relief_that_hardly_fits(
     faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
     rotational = RotationalNormals(truth.astype(np.float32), depths, relief_fit, round_error)
     search = SimpleNamespace(normals=lambda *_: rotational, supposed_normals=lambda _: None, best=None)
-    turned = unit(truth + np.array([0.3, 0.0, 0.0]))
+    turned = otherwise_where_dark(settled, truth, 0.3)
     facets = bodies_of(PolyhedralNormals(turned, depths, faces, log_ratio))
     state = with_searches(settled, symmetry=search, prism=search, facets=facets)
     state.options = LabellingOptions(readmission=False)
