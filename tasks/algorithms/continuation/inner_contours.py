@@ -58,10 +58,10 @@ class InnerContours:
     distance: np.ndarray
 
 
-def has_candidate(candidates: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return where (...) a candidate (K, ..., 3; NaN without) is near the normal (..., 3)."""
+def has_candidate(candidates: np.ndarray, normals: np.ndarray, max_deg: float = CANDIDATE_DEG) -> np.ndarray:
+    """Return where (...) a candidate (K, ..., 3; NaN without) is within `max_deg` degrees of the normal (..., 3)."""
     cosines = np.nan_to_num((candidates * normals[None]).sum(axis=-1), nan=-1.0)
-    return np.asarray((cosines > np.cos(np.radians(CANDIDATE_DEG))).any(axis=0))
+    return np.asarray((cosines > np.cos(np.radians(max_deg))).any(axis=0))
 
 
 def lifted(plane: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from glint.tasks.algorithms.continuation.inner_contours import has_candidate
 from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.distance import distance_inside
@@ -154,23 +155,22 @@ def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone.
     """
     view, margins = state.view, []
-    least = MIN_EXPLAINED_RATIO * _explained_pixels(state, blended_normals(state.values, state.smooth))
     for solid in [*view.facets.likeliest, *([] if view.prism.best is None else [view.prism.best])]:
         contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
         margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / view.mask.sum()
-        if margin >= 0.0 and _explained_pixels(state, solid.normals) >= least:
+        if margin >= 0.0:
             margins.append((float(margin), solid))
-    solids = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
+    if not margins:
+        return []
+    field = blended_normals(state.values, state.smooth)
+    least = MIN_EXPLAINED_RATIO * has_candidate(view.normals, field, CONTRADICTED_DEG).sum()
+    likely = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
+    solids = [solid for solid in likely if has_candidate(view.normals, solid.normals, CONTRADICTED_DEG).sum() >= least]
     prism = next((solid for solid in solids if solid is view.prism.best), None)
     # Of the same solid, the lines of its contour place a prism more exactly.
     if prism is not None and angles(prism.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
         return [prism, *(solid for solid in solids if solid is not prism)]
     return solids
-
-
-def _explained_pixels(state: Alternation, normals: np.ndarray) -> int:
-    """Return in how many pixels normals (H, W, 3) explain a candidate."""
-    return int((angles(state.view.normals, normals) < CONTRADICTED_DEG).any(axis=0).sum())
 
 
 def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
