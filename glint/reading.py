@@ -21,6 +21,7 @@ from glint.storage.export.stored_capture import mesh_of, model_result
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.store_folder import check_store
 
 __all__ = [
     "CaptureCamera",
@@ -37,8 +38,6 @@ __all__ = [
 ]
 
 _SHOWN_NAMES = 8
-_STORE_FOLDERS = frozenset({"objects", "frames", "digests", "inbox", "probe"})
-"""What a store's folder holds; one that holds none of it is a new store, if it is empty."""
 
 
 def open(address: str | PathLike[str]) -> "Store":
@@ -47,17 +46,12 @@ def open(address: str | PathLike[str]) -> "Store":
     Credentials, endpoint and region come from the environment or from the usual profile files.
 
     Raises:
-        NotFoundError: there is no such folder, or it holds something else.
+        NotFoundError: there is no store, or the folder holds something else.
+        StoreError: the store does not answer.
         LocationError: the address cannot be understood.
     """
     location = Location.parse(fspath(address))
-    if location.local is not None and not location.local.is_dir():
-        raise NotFoundError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
-    names = set() if location.local is None else {path.name for path in location.local.iterdir()}
-    if names and not names & _STORE_FOLDERS:
-        raise NotFoundError(
-            f"{location.uri} holds other files and no store", "give the folder that `glint run --store` wrote to"
-        )
+    check_store(location)
     return Store(location)
 
 

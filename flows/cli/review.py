@@ -51,6 +51,7 @@ def review(
     from glint.flows.runtime import signals
     from glint.flows.runtime.environment import prepare_environment
     from glint.storage.locations.location import Location
+    from glint.storage.versions.store_folder import check_store
     from glint.tasks.engine.references import load_catalogue
 
     address = Location.parse(chosen_store(store)).uri
@@ -59,6 +60,8 @@ def review(
     prepare_environment()
     password = _password(host)
     given = _origins(origin or (), host)
+    if file is None:
+        check_store(Location.parse(address))
     listener = _listener(host, port)
     own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
     origins = given or (own, own.replace("127.0.0.1", "localhost"))

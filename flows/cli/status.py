@@ -12,8 +12,10 @@ def status(store: Store = None, as_json: Json = False) -> None:
     from glint.flows.cli.tables import show, status_rows, table_of
     from glint.flows.runtime.prefect_server import running_server, server_damage
     from glint.storage.locations.location import Location
+    from glint.storage.versions.store_folder import check_store
 
     location = Location.parse(chosen_store(store))
+    check_store(location)
     place = location.uri
     objects, damaged = status_rows(place)
     server = running_server()
@@ -30,8 +32,7 @@ def status(store: Store = None, as_json: Json = False) -> None:
             for row in rows:
                 echo(json.dumps({"kind": kind, **row}, default=str))
         return
-    absence = f"there is no store {place}" if location.is_absent else f"no objects in the store {place}"
-    show(table_of(objects, f"{absence}: `glint run CATALOGUE` adds objects"))
+    show(table_of(objects, f"no objects in the store {place}: `glint run CATALOGUE` adds objects"))
     for row in damaged:
         echo(f"{row['object']} cannot be read: {row['error']}", colour="red")
         echo(f"  -> {row['remedy']}")

@@ -15,6 +15,7 @@ from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.store_folder import check_store
 from glint.storage.versions.verification import Verification, verify_capture
 
 WORK = "work"
@@ -69,16 +70,6 @@ Part = Callable[[], tuple[int, list[Damage]]]
 """Reads a part of a store; returns its bytes and what of it is damaged."""
 
 
-def check_store(location: Location) -> None:
-    """Check that a local store exists; an object store's bucket tells of itself.
-
-    Raises:
-        StoreError: no folder at the location.
-    """
-    if location.local is not None and not location.local.is_dir():
-        raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
-
-
 def verify_store(
     location: Location,
     chosen: Collection[str] = (),
@@ -90,7 +81,7 @@ def verify_store(
     frames: whether to read the cache of frames too; progress: called with (parts done, all parts).
 
     Raises:
-        StoreError: the store does not answer, or an object of `chosen` is absent or of another layout.
+        StoreError: there is no store, it does not answer, or an object of `chosen` is absent or of another layout.
     """
     check_store(location)
     ids = sorted(chosen) or object_ids(location)

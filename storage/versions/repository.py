@@ -39,6 +39,7 @@ from glint.storage.versions.stage_results import (
     stage_attributes,
 )
 from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.store_folder import check_store
 from glint.storage.versions.transaction import create_repository, repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises
@@ -74,8 +75,7 @@ class ObjectRepository:
         with index_errors(location.uri, "opening it", object_id):
             repository = open_existing(folder, object_id)
             if repository is None and not create:
-                if location.is_absent:
-                    raise StoreError(f"there is no store {location.uri}", "check the path; `glint run` creates a store")
+                check_store(location)
                 raise StoreError(f"no object {object_id} in {location.uri}", "see `glint status` for its objects")
             if repository is None or (create and "work" not in repository.list_branches()):
                 return cls(location, object_id, create_repository(location, object_id))

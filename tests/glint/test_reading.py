@@ -41,7 +41,7 @@ def test_a_wrong_name_is_answered_with_the_nearest(store: Path, tmp_path: Path) 
         opened["wine-glass"]["v9"]
     with pytest.raises(StoreError, match="no capture 'fronts' in wine-glass v2: did you mean 'front'"):
         opened["wine-glass"].latest["fronts"]
-    with pytest.raises(glint.NotFoundError, match=r"no store at .*nowhere"):
+    with pytest.raises(glint.NotFoundError, match=r"there is no store .*nowhere"):
         glint.open(tmp_path / "nowhere")
     assert not (tmp_path / "nowhere").exists()
     assert opened.get("../escape") is None and "a/b" not in opened

@@ -25,6 +25,7 @@ from glint.storage.locking.locks import run_lock, run_owner
 from glint.storage.locking.owner import ObjectBusy
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import StoredFile
+from glint.storage.versions.store_folder import check_store
 from tests.s3_gateway import Gateway, free_port
 from tests.storage.footage.videos import ramp, write_images, write_video
 from tests.storage.locations.lax_server import lax_server
@@ -279,3 +280,10 @@ def test_what_was_acknowledged_survives_the_death_of_the_server(tmp_path_factory
     np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), arrays["depth"]["depth"])
     save_capture(again, "front", "2", seed=5)
     assert again.publish(["front"], {}).name == "v2"
+
+
+def test_a_prefix_without_a_store_is_no_store(location: Location) -> None:
+    with pytest.raises(StoreError, match="there is no store"):
+        check_store(location)
+    save_capture(ObjectRepository.open(location, "cup"), "front", "key")
+    check_store(location)

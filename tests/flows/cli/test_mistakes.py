@@ -96,13 +96,37 @@ def test_an_origin_is_written_as_browsers_send_it() -> None:
     assert _origins(given, "0.0.0.0") == ("https://glint.example", "http://[::1]:4300", "http://10.0.0.1")
 
 
-def test_the_store_without_objects_is_named(tmp_path: Path, glint_home: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    for name, message in (("empty", "no objects in the store"), ("absent", "there is no store")):
-        done = CliRunner().invoke(app, ["status", "--store", str(tmp_path / name)])
-        assert f"{message} {tmp_path / name}" in done.output.replace("\n", "")
-    absent = CliRunner().invoke(app, ["history", "duck", "--store", str(tmp_path / "absent")])
-    assert isinstance(absent.exception, GlintError) and "there is no store" in absent.exception.message
+def test_a_new_store_has_no_objects(tmp_path: Path, glint_home: Path) -> None:
+    done = CliRunner().invoke(app, ["status", "--store", str(tmp_path)])
+    assert done.exit_code == 0 and f"no objects in the store {tmp_path}" in done.output.replace("\n", "")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "status",
+        "status --json",
+        "review",
+        "history duck",
+        "edits duck",
+        "diff duck v1 v2",
+        "rollback duck v1",
+        "export duck --out out",
+        "verify",
+        "maintain",
+    ],
+)
+def test_a_store_that_does_not_exist_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, glint_home: Path, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "videos").mkdir()
+    (tmp_path / "videos" / "front.mp4").touch()
+    for store, message in (("absent", "there is no store"), ("videos", "holds other files and no store")):
+        done = CliRunner().invoke(app, [*words.split(), "--store", store])
+        assert isinstance(done.exception, GlintError) and message in done.exception.message
+        assert str(tmp_path / store) in done.exception.message and "check the path" in done.exception.remedy
+    assert [path.name for path in tmp_path.iterdir()] == ["videos"], "nothing is made where there is no store"
 
 
 def test_commands_that_are_suggested_quote_their_paths(catalogue: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,7 +107,7 @@ def test_damaged_frames_are_found_on_request_and_removed(store: Path) -> None:
 
 
 def test_a_store_or_object_that_is_not_there_is_not_called_whole(store: Path, tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match="no store at"):
+    with pytest.raises(StoreError, match="there is no store"):
         verify_store(Location.parse(tmp_path / "absent"))
     with pytest.raises(StoreError, match="no object cup"):
         verify_store(Location.parse(store), ["cup"])
