@@ -19,9 +19,9 @@ from glint.storage.export.mesh_files import Mesh
 from glint.storage.export.point_cloud import PointCloud
 from glint.storage.export.stored_capture import mesh_of, model_result
 from glint.storage.locations.location import Location
+from glint.storage.locations.store_folder import check_store
 from glint.storage.versions.repository import ObjectRepository, Version, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
-from glint.storage.versions.store_folder import check_store
 
 __all__ = [
     "CaptureCamera",

@@ -33,7 +33,7 @@ def maintain(
     from glint.flows.runtime.prefect_server import start_server
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
-    from glint.storage.versions.store_folder import check_store
+    from glint.storage.locations.store_folder import check_store
 
     budget = budget_bytes(frames_budget)
     place = Location.parse(chosen_store(store))

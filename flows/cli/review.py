@@ -51,7 +51,7 @@ def review(
     from glint.flows.runtime import signals
     from glint.flows.runtime.environment import prepare_environment
     from glint.storage.locations.location import Location
-    from glint.storage.versions.store_folder import check_store
+    from glint.storage.locations.store_folder import check_store
     from glint.tasks.engine.references import load_catalogue
 
     address = Location.parse(chosen_store(store)).uri

@@ -12,7 +12,7 @@ def status(store: Store = None, as_json: Json = False) -> None:
     from glint.flows.cli.tables import show, status_rows, table_of
     from glint.flows.runtime.prefect_server import running_server, server_damage
     from glint.storage.locations.location import Location
-    from glint.storage.versions.store_folder import check_store
+    from glint.storage.locations.store_folder import check_store
 
     location = Location.parse(chosen_store(store))
     check_store(location)

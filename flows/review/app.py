@@ -28,6 +28,7 @@ from glint.flows.review import (
     versions_api,
 )
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
+from glint.flows.review.remedies import on_page
 from glint.flows.review.review import Review
 from glint.storage.catalogue.messages import fault_of
 from glint.storage.errors import GlintError, NotFoundError
@@ -116,7 +117,8 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(GlintError)
     @app.exception_handler(UnusableCapture)
     def unusable(_: Request, error: Exception) -> Response:
-        return refusal(422, *message_and_remedy(error))
+        message, remedy = message_and_remedy(error)
+        return refusal(422, message, on_page(remedy))
 
     @app.exception_handler(HTTPException)
     def refused(_: Request, error: HTTPException) -> Response:

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel, ConfigDict
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
+from glint.flows.review.remedies import on_page
 from glint.storage.catalogue.models import MAX_PIXELS_PER_SIDE, Pixel, Positive
 from glint.tasks.review.capture_inputs import capture_inputs, mask_in_use
 from glint.tasks.review.growing import grow
@@ -37,7 +38,9 @@ def inputs(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> d
     """Return the capture's inputs, given and used, and its lights; its questions are prepared in the background."""
     context = review.context(object_id, capture_id)
     review.preparation.show(context)
-    return capture_inputs(context)
+    shown = capture_inputs(context)
+    warnings = [warning | {"message": on_page(warning["message"])} for warning in shown["warnings"]]
+    return shown | {"warnings": warnings}
 
 
 @router.get("/thumbnail", response_class=Response, responses=PNG)

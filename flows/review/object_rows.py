@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from glint.flows.errors import message_and_remedy
+from glint.flows.review.remedies import on_page
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
@@ -53,7 +54,7 @@ class Row:
         """Return what the view shows as JSON values."""
         names = "object capture state verdict reason warnings confident observed version date stage progress"
         names += " seconds_left error remedy"
-        return {name: getattr(self, name) for name in names.split()}
+        return {name: getattr(self, name) for name in names.split()} | {"remedy": on_page(self.remedy)}
 
 
 def object_rows(location: Location, object_id: str) -> list[Row]:
@@ -84,7 +85,7 @@ def object_rows(location: Location, object_id: str) -> list[Row]:
                 state,
                 verdict=summary.verdict.word if summary.verdict else "",
                 reason=summary.verdict.reason if summary.verdict else "",
-                warnings=tuple(str(warning) for warning in summary.warnings),
+                warnings=tuple(on_page(warning.message) for warning in summary.warnings),
                 cost_deg=max((warning.cost_deg for warning in summary.warnings), default=0.0),
                 confident=summary.confident,
                 observed=summary.observed,

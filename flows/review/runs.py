@@ -15,6 +15,8 @@ from dataclasses import asdict, dataclass, field
 from tempfile import TemporaryFile
 from typing import IO, Any
 
+from glint.flows.review.remedies import on_page
+
 LOG = logging.getLogger(__name__)
 KEPT_BYTES = 20_000
 """Bytes of a failed run's errors in which its reason is looked for, the newest ones."""
@@ -53,7 +55,8 @@ class Run:
 
     def to_json(self) -> dict[str, Any]:
         """Return the run as JSON values."""
-        return asdict(self) | {"seconds": round((self.ended or time.time()) - self.started, 1)}
+        seconds = round((self.ended or time.time()) - self.started, 1)
+        return asdict(self) | {"seconds": seconds, "remedy": on_page(self.remedy)}
 
 
 class Runs:

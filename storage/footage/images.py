@@ -25,6 +25,14 @@ MAX_IMAGE_BYTES = 2_000_000_000
 """Size of the largest image that is read, as a frame or a mask."""
 _HALF_OPAQUE = 128
 """Level of an 8-bit alpha channel from which a pixel belongs to a cut-out: the middle of an antialiased edge."""
+_LOSSY = frozenset(("JPEG", "MPO", "WEBP", "JPEG2000"))
+"""Formats that do not always keep the levels of a mask."""
+_BLOCK_PX = 16
+"""Distance from a contour within which they change levels: the largest block of a JPEG with reduced colours."""
+_FLAT_SHARE = 0.1
+"""Share of the paint's level by which a level away from the contour may differ from black or white."""
+_MIN_WHITE = 32
+"""Highest level below which a lossy mask is black."""
 # What is wrong with an image is said once, by an error.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
@@ -54,20 +62,56 @@ def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
 def decode_mask(data: bytes, name: str) -> np.ndarray:
     """Decode an image as a mask, bool (H, W): true where a pixel is not black, and not transparent.
 
-    In a cut-out, the object's own colours on a transparent ground, black pixels count too.
+    In a cut-out, the object's own colours on a transparent ground, black pixels count too. Lossy formats leave grey
+    levels beside the contour of a black and white mask: there, true is what is brighter than the middle.
 
     Raises:
-        InputError: no image, too large, or of another depth.
+        InputError: no image, too large, of another depth, or in a lossy format with grey levels away from the contour.
     """
-    is_painted = decode_image(data, name, colour=True).any(axis=2)
+    pixels = decode_image(data, name, colour=True)
+    is_painted = pixels.any(axis=2)
     is_opaque = _opaque(data)
     if is_opaque is None or is_opaque.shape != is_painted.shape or is_opaque.all():
-        return is_painted
+        form = _format(data)
+        return _brighter_half(pixels.max(axis=2), name, form) if form in _LOSSY else is_painted
     with Image.open(io.BytesIO(data)) as image:
         levels = np.asarray(image.convert("L"))[is_opaque]
     is_black_and_white = levels.size > 0 and {int(levels.min()), int(levels.max())} == {0, 255}
     is_black_and_white = is_black_and_white and bool(np.isin(levels, (0, 255)).all())
     return is_opaque & is_painted if is_black_and_white else is_opaque
+
+
+def _brighter_half(levels: np.ndarray, name: str, form: str) -> np.ndarray:
+    """Return where levels (H, W) of a lossy mask are above their middle, bool (H, W).
+
+    Raises:
+        InputError: away from the contour there are other levels than black and white.
+    """
+    # Beside the contour levels exceed those of the paint.
+    white = np.float32(np.median(levels[levels > 0.5 * levels.max()] if levels.any() else 0))
+    if white < _MIN_WHITE:
+        return np.zeros(levels.shape, bool)
+    is_bright = (levels > 0.5 * white).astype(np.uint8)
+    block = np.ones((2 * _BLOCK_PX + 1,) * 2, np.uint8)
+    is_flat = cv2.dilate(is_bright, block) == cv2.erode(is_bright, block)
+    is_grey = is_flat & (np.abs(levels - white * is_bright) > _FLAT_SHARE * white)
+    if is_grey.any():
+        row, column = np.argwhere(is_grey)[0]
+        raise InputError(
+            f"the mask {name} is a {form} with the level {levels[row, column]} at x {column}, y {row}, neither black"
+            " nor white: it is not clear which pixels are the object",
+            "save it as PNG, the object white on black",
+        )
+    return is_bright.astype(bool)
+
+
+def _format(data: bytes) -> str:
+    """Return the name of an image's format, such as JPEG; empty if it is not known."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            return image.format or ""
+    except (OSError, ValueError, SyntaxError):
+        return ""
 
 
 def _opaque(data: bytes) -> np.ndarray | None:

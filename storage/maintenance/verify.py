@@ -12,10 +12,10 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.eviction import cached_frames
 from glint.storage.locations.location import Location
+from glint.storage.locations.store_folder import check_store
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
-from glint.storage.versions.store_folder import check_store
 from glint.storage.versions.verification import Verification, verify_capture
 
 WORK = "work"

@@ -19,6 +19,7 @@ import obstore
 from glint.storage.errors import StoreError
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
+from glint.storage.locations.store_folder import check_store
 from glint.storage.versions import publication, snapshots
 from glint.storage.versions.array_schema import NO_SCHEMAS, Schemas, VersionSchema
 from glint.storage.versions.garbage import Garbage, collect, prune
@@ -39,7 +40,6 @@ from glint.storage.versions.stage_results import (
     stage_attributes,
 )
 from glint.storage.versions.stage_writer import write_stage
-from glint.storage.versions.store_folder import check_store
 from glint.storage.versions.transaction import create_repository, repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises

@@ -21,11 +21,11 @@ from glint.storage.frames.eviction import cached_frames, mark_used, remove_frame
 from glint.storage.inputs.digests import content_digest
 from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
+from glint.storage.locations.store_folder import check_store
 from glint.storage.locking.locks import run_lock, run_owner
 from glint.storage.locking.owner import ObjectBusy
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import StoredFile
-from glint.storage.versions.store_folder import check_store
 from tests.s3_gateway import Gateway, free_port
 from tests.storage.footage.videos import ramp, write_images, write_video
 from tests.storage.locations.lax_server import lax_server

@@ -62,6 +62,20 @@ def test_what_needs_a_person_comes_first_and_names_are_only_text(
     tab.complaints[:] = [text for text in tab.complaints if "404" not in text]  # there is no picture of a zebra
 
 
+def test_a_warning_offers_the_tool_that_corrects_what_it_is_about(tab: Tab) -> None:
+    def with_warning(route: Any) -> None:
+        answer = route.fetch()
+        warning = {"message": "the mask is doubtful: correct it", "cause": "mask", "cost_deg": 5.0}
+        video = {"message": "the video ends early", "cause": "video", "cost_deg": 0.0}
+        route.fulfill(response=answer, json=answer.json() | {"warnings": [warning, video]})
+
+    tab.page.route("**/hemisphere/front/inputs", with_warning)
+    page = tab.open(INPUTS, READY)
+    assert page.locator(".warnings-list button").count() == 1
+    page.click(".warnings-list button:has-text('Brush')")
+    assert page.get_attribute("[data-tool=brush]", "aria-pressed") == "true"
+
+
 def test_a_sphere_that_is_off_is_moved_fitted_saved_and_taken_back(served: ServedPage, tab: Tab) -> None:
     page = tab.open(INPUTS, READY)
     (sphere,) = asked(served, "inputs")["used"]["spheres"]

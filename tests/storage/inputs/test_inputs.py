@@ -63,6 +63,28 @@ def test_depth_and_channels_of_a_mask_do_not_matter(tmp_path: Path, kind: str) -
     assert np.array_equal(read_mask(_image(tmp_path / "mask.png", kinds[kind]), SIZE), mask)
 
 
+@pytest.mark.parametrize("form", ["jpg", "webp", "jp2"])
+def test_the_grey_edge_of_a_lossy_mask_is_no_object(tmp_path: Path, form: str) -> None:
+    rows, columns = np.mgrid[:120, :160]
+    mask = np.hypot(rows - 60, columns - 70) < 40
+    for number, colour in enumerate(((255, 255, 255), (220, 30, 20))):
+        path = tmp_path / f"mask{number}.{form}"
+        Image.fromarray(mask[..., None] * np.array(colour, np.uint8)).save(path, quality=60)
+        with Image.open(path) as image:
+            assert np.asarray(image).any(axis=2).sum() > mask.sum() or form == "jp2", "the format is lossy"
+        assert (read_mask(path, mask.shape) ^ mask).sum() < 0.15 * 2 * np.pi * 40
+
+
+def test_a_lossy_mask_with_other_levels_than_black_and_white_is_refused(tmp_path: Path) -> None:
+    photograph = np.full((120, 160), 60, np.uint8)
+    photograph[40:80, 60:90] = 250
+    Image.fromarray(photograph).save(tmp_path / "mask.jpg")
+    error = _refused(read_mask, tmp_path / "mask.jpg", photograph.shape)
+    assert "mask.jpg is a JPEG with the level 60 at x 0, y 0" in error.message and "save it as PNG" in error.remedy
+    Image.fromarray(photograph // 10).save(tmp_path / "dark.jpg")
+    assert "is empty" in _refused(read_mask, tmp_path / "dark.jpg", photograph.shape).message
+
+
 def test_a_mask_of_a_wrong_size(tmp_path: Path) -> None:
     path = _image(tmp_path / "mask.png", np.ones((20, 31), np.uint8))
     error = _refused(read_mask, path, SIZE, REGION)

@@ -27,6 +27,8 @@ const TOOLS = [
   ["camera", "Camera", "c", "drag the cross, where the camera looks straight ahead; the mark on the circle turns the object"],
 ];
 
+const TOOL_BY_CAUSE = { sphere: "spheres", mask: "brush", camera: "camera", scale: "scale" };
+
 export async function open(root, capture, signal) {
   root.classList.add("inputs");
   const [inputs, edits] = await Promise.all([
@@ -73,8 +75,16 @@ class InputsView {
 
   verdict() {
     const warnings = this.inputs.warnings.map((warning) =>
-      element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message));
+      element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message, " ", this.toolFor(warning.cause)));
     return element("section", {}, element("h2", {}, this.inputs.verdict ?? "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+  }
+
+  /** Returns the button of the tool that corrects what a warning is about, null where none does. */
+  toolFor(cause) {
+    const tool = TOOL_BY_CAUSE[cause];
+    if (!tool) return null;
+    const text = TOOLS.find(([name]) => name === tool)[1];
+    return element("button", { type: "button", "aria-label": `${text}: correct the ${cause}`, onclick: () => this.use(tool) }, text);
   }
 
   get shown() {

@@ -8,7 +8,7 @@ from glint.storage.locations.location import Location
 
 STORE_FOLDERS = frozenset({"objects", "frames", "digests", "inbox", "probe"})
 """What a store holds; a folder that holds none of it is a new store, if it is empty."""
-REMEDY = "check the path; `glint run` creates a store"
+NO_STORE_REMEDY = "check the path; `glint run` creates a store"
 
 
 def check_store(location: Location) -> None:
@@ -19,7 +19,7 @@ def check_store(location: Location) -> None:
         StoreError: the location cannot be listed.
     """
     if location.is_absent:
-        raise NotFoundError(f"there is no store {location.uri}", REMEDY)
+        raise NotFoundError(f"there is no store {location.uri}", NO_STORE_REMEDY)
     with store_errors(location.uri, "listing it"):
         if location.local is not None:
             names = {path.name for path in location.local.iterdir()}
@@ -29,6 +29,6 @@ def check_store(location: Location) -> None:
     if names & STORE_FOLDERS:
         return
     if location.local is None:
-        raise NotFoundError(f"there is no store {location.uri}", REMEDY)
+        raise NotFoundError(f"there is no store {location.uri}", NO_STORE_REMEDY)
     if names:
-        raise NotFoundError(f"{location.uri} holds other files and no store", REMEDY)
+        raise NotFoundError(f"{location.uri} holds other files and no store", NO_STORE_REMEDY)

@@ -1,0 +1,34 @@
+"""What to do about a warning or an error, in the words of the review page: its tools rather than files and keys.
+
+Stages say what to do in the words of `glint check` and the catalogue. On the page the same is done on the picture.
+"""
+
+import re
+
+PAINT = "paint the mask with Brush, Polygon or Grow, and save"
+
+PHRASES: tuple[tuple[str, str], ...] = (
+    (
+        r"correct it by hand: `glint check` writes [^;]* in red",
+        "correct it with Brush, Eraser, Polygon or Grow, and save; Maximum shows the highlights",
+    ),
+    (r"paint a mask \(white object on black\) and name it as `mask: mask.png`", PAINT),
+    (r"give the object's `region`", "draw the object's region with Region"),
+    (r"give its centre and radius as `spheres: [^`]*` in the catalogue", "draw its circle with Spheres"),
+    (r"give `spheres`( in the catalogue)?", "draw its circle with Spheres"),
+    (r"give this capture `spheres: \[([^`]*)\]`", r"set its circle with Spheres to \1"),
+    (r"`spheres` in the catalogue", "its circle with Spheres"),
+    (r"give the camera's matrix \(`camera`\)", "give the camera's focal length with Camera"),
+    (r"give the camera's matrix, about `camera: \{matrix: [^`]*\}`", "give it with Camera"),
+    (r"check that `camera` is the matrix", "check with Camera that its matrix is that"),
+    (r"correct it in the catalogue \(pixels of the full frame\)", "correct it with Region"),
+    (r"correct it \(pixels of the full frame, y down\)", "correct it with Spheres"),
+)
+"""Patterns of what stages say, and what the page says instead."""
+
+
+def on_page(text: str) -> str:
+    """Return a warning, an error or a remedy with what a person can do on the review page."""
+    for pattern, words in PHRASES:
+        text = re.sub(pattern, words, text)
+    return text
