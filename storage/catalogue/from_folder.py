@@ -1,7 +1,7 @@
 """Make a catalogue from folders that follow the usual names.
 
 FOLDER/<object>/ holds one capture, or one sub-folder per capture. A capture is a video, or images that share a pattern
-(img_1.png, img_2.png, ..), directly or in a folder of FRAME_FOLDERS; beside it may lie mask.png or one other *mask.png,
+(img_1.png, img_2.png, ..), directly or in a folder of FRAME_FOLDERS; beside it may lie mask.png or one other *mask.*,
 lights.lp or one other *.lp, markup.json, truth/, and beside the captures truth_model.ply. An .lp file may also lie
 among the images, or in a folder of LIGHTS_FOLDERS. Several videos in one folder are several captures; then
 <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
@@ -31,14 +31,22 @@ MAX_NAME = 200
 """Characters of a folder's name that a catalogue's keeps."""
 LIGHTS_FOLDERS = ("assembly-files",)
 """Folders beside those of the images in which RTIBuilder writes `.lp` files."""
+OTHER_LIGHTS = frozenset(("light_directions.txt", "light_positions.txt", "lights.txt"))
+"""Files of lights that other programs and data sets have, in other forms than `.lp`."""
 Naming = Callable[[str], str]
 """The id that a name becomes."""
+LeaveOut = Callable[[str, str], None]
+"""Called with the name of what is left out, and the reason."""
 
 
-def from_folder(folder: Address, leave_out: Callable[[str, str], None] = lambda name, reason: None) -> Catalogue:
+def _silently(name: str, reason: str) -> None:
+    """Leave something out without a word."""
+
+
+def from_folder(folder: Address, leave_out: LeaveOut = _silently) -> Catalogue:
     """Make the catalogue of a folder, or a prefix of an object store, with one sub-folder per object.
 
-    leave_out: called with the name of each sub-folder that is no object, and the reason.
+    leave_out: called for each sub-folder that is no object, and for files that a capture might have been meant to have.
 
     Raises:
         InputError: no such folder, or no video or images in it; StoreError: the object store cannot be read.
@@ -47,7 +55,7 @@ def from_folder(folder: Address, leave_out: Callable[[str, str], None] = lambda 
     taken: set[str] = set()
     objects, undeveloped = list[Object](), set[str]()
     for subfolder in list_folder(location)[0]:
-        item = object_from_folder(subfolder, taken)
+        item = object_from_folder(subfolder, taken, leave_out=leave_out)
         if item is not None:
             objects.append(item)
             continue
@@ -67,15 +75,18 @@ def from_folder(folder: Address, leave_out: Callable[[str, str], None] = lambda 
     )
 
 
-def object_from_folder(folder: Location, taken: set[str], naming: Naming = id_from_name) -> Object | None:
+def object_from_folder(
+    folder: Location, taken: set[str], naming: Naming = id_from_name, leave_out: LeaveOut = _silently
+) -> Object | None:
     """Make the object of one sub-folder, None if there is no video or images in it.
 
     taken: ids that other objects have; the object's is added. naming: makes its id and those of its captures.
+    leave_out: called for files that a capture might have been meant to have.
 
     Raises:
         InputError: the folder cannot be read, or a name in it is no text; StoreError: the object store cannot.
     """
-    captures = _captures(folder, naming)
+    captures = _captures(folder, naming, leave_out)
     if not captures:
         return None
     entry: dict[str, Any] = {"id": _new_id(naming(folder.name), taken), "captures": captures}
@@ -88,13 +99,13 @@ def object_from_folder(folder: Location, taken: set[str], naming: Naming = id_fr
         ) from error
 
 
-def _captures(folder: Location, naming: Naming) -> list[dict[str, Any]]:
+def _captures(folder: Location, naming: Naming, leave_out: LeaveOut) -> list[dict[str, Any]]:
     """Return the captures in an object's folder itself, else those of its sub-folders."""
     taken = set(RESERVED_IDS)
 
     def capture(place: Location, name: str, frames: str, is_shared: bool) -> dict[str, Any]:
         capture_id = _new_id(naming("front" if name == "capture" else name), taken)
-        return {"id": capture_id, "frames": frames} | _beside(place, frames, is_shared)
+        return {"id": capture_id, "frames": frames} | _beside(place, frames, is_shared, leave_out)
 
     footage = _footage(folder)
     if footage:
@@ -140,7 +151,7 @@ def _listed(suffixes: set[str]) -> str:
     return " and ".join(sorted(suffix.removeprefix(".").upper() for suffix in suffixes))
 
 
-def _beside(folder: Location, frames: str, is_shared: bool) -> dict[str, Any]:
+def _beside(folder: Location, frames: str, is_shared: bool, leave_out: LeaveOut) -> dict[str, Any]:
     """Return a capture's files beside its frames; `is_shared`: the folder has several captures."""
     subfolders, listed = list_folder(folder)
     files = {file.name: file.uri for file in listed}
@@ -148,21 +159,35 @@ def _beside(folder: Location, frames: str, is_shared: bool) -> dict[str, Any]:
     beside = {"mask": f"{stem}mask.png", "lights": f"{stem or 'lights.'}lp", "markup": f"{stem}markup.json"}
     capture: dict[str, Any] = {key: files[file] for key, file in beside.items() if file in files}
     if not is_shared:
-        for key, pattern in (("mask", r"(.*[._-])?mask\.png"), ("lights", r".*\.lp")):
-            matches = [uri for file, uri in files.items() if re.fullmatch(pattern, file.lower())]
-            if key not in capture and len(matches) == 1:
-                capture[key] = matches[0]
+        for key, is_one in (("mask", _is_mask), ("lights", _is_lights)):
+            if key not in capture:
+                capture |= _only_entry(key, [file for file in listed if is_one(file)], leave_out)
         if "lights" not in capture:
-            capture |= _lights_within(_named(subfolders, (*FRAME_FOLDERS, *LIGHTS_FOLDERS)))
+            within = _named(subfolders, (*FRAME_FOLDERS, *LIGHTS_FOLDERS))
+            found = [file for subfolder in within for file in list_folder(subfolder)[1] if _is_lights(file)]
+            capture |= _only_entry("lights", found, leave_out)
+        for file in listed if "lights" not in capture else ():
+            if file.name.lower() in OTHER_LIGHTS:
+                leave_out(f"{folder.name}/{file.name}", "only .lp files are read as lights: write them as `name x y z`")
         truth = [subfolder.uri for subfolder in subfolders if subfolder.name == "truth"]
         capture |= {"truth": truth[0]} if truth else {}
     return capture
 
 
-def _lights_within(folders: list[Location]) -> dict[str, str]:
-    """Return the entry of the only `.lp` file in these folders, empty if there is none or more than one."""
-    files = [file.uri for folder in folders for file in list_folder(folder)[1] if _suffix(file) == ".lp"]
-    return {"lights": files[0]} if len(files) == 1 else {}
+def _only_entry(key: str, files: list[Location], leave_out: LeaveOut) -> dict[str, str]:
+    """Return the entry of the only file; it is empty where there is none, or where several are left out."""
+    if len(files) > 1:
+        names = ", ".join(f"{file.parent.name}/{file.name}" for file in files)
+        leave_out(names, f"any of them could be `{key}`: name one in the catalogue")
+    return {key: files[0].uri} if len(files) == 1 else {}
+
+
+def _is_mask(file: Location) -> bool:
+    return _suffix(file) in SUFFIXES and re.fullmatch(r"(.*[._-])?mask", _stem(file).lower()) is not None
+
+
+def _is_lights(file: Location) -> bool:
+    return _suffix(file) == ".lp"
 
 
 def _named(folders: list[Location], names: tuple[str, ...]) -> list[Location]:

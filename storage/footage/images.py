@@ -197,9 +197,12 @@ class ImageSet:
     def _read_checked(self, file: Location) -> np.ndarray:
         frame = self._read(file)
         if frame.shape != (self.height, self.width):
+            remedy = "all images of a capture must have the same size; give a pattern if the folder holds other images"
+            if frame.shape == (self.width, self.height):
+                remedy = "turn all images the same way: some are upright, others not, perhaps by their EXIF orientation"
             raise InputError(
                 f"{file.uri} is {frame.shape[1]} x {frame.shape[0]}, the first image {self.width} x {self.height}",
-                "all images of a capture must have the same size; give a pattern if the folder holds other images",
+                remedy,
             )
         if 8 * frame.itemsize != self.bits:
             raise InputError(

@@ -1,6 +1,6 @@
 """Warnings of the stages: what contradicts the data or is not known, what causes it, and what it may cost."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -37,11 +37,22 @@ class StageWarning:
 def by_cost(warnings: Iterable[StageWarning]) -> list[StageWarning]:
     """Return one warning for each cause, the most costly first.
 
-    Warnings of one cause are one: their messages in the order of their costs, none twice, and the highest cost.
+    Warnings of one cause are one: their messages in the order of their costs, none twice, and the highest cost. What
+    several of them end with after a semicolon, the remedy, is said once.
     """
     messages: dict[Cause, dict[str, None]] = {}
     costs: dict[Cause, float] = {}
     for warning in sorted(warnings, key=lambda warning: -warning.cost_deg):
         messages.setdefault(warning.cause, {})[warning.message] = None
         costs.setdefault(warning.cause, warning.cost_deg)
-    return [StageWarning("; ".join(messages[cause]), cause, costs[cause]) for cause in messages]
+    return [StageWarning(_joined(list(messages[cause])), cause, costs[cause]) for cause in messages]
+
+
+def _joined(messages: Sequence[str]) -> str:
+    """Return messages as one; of those that end alike after their last semicolon, only the last has the end."""
+    ends = [message.rpartition("; ")[2] for message in messages]
+    said = [
+        message.removesuffix(f"; {end}") if end in ends[number + 1 :] else message
+        for number, (message, end) in enumerate(zip(messages, ends, strict=True))
+    ]
+    return "; ".join(said)

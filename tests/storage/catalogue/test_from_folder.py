@@ -164,6 +164,29 @@ def test_of_several_masks_none_is_taken(tmp_path: Path) -> None:
     assert (capture.mask, capture.lights) == (None, None)
 
 
+@pytest.mark.parametrize("name", ["mask.jpg", "Mask.PNG", "duck_mask.tif", "duck-mask.webp"])
+def test_a_mask_may_be_any_image(tmp_path: Path, name: str) -> None:
+    _touch(tmp_path, "duck/video.mp4", f"duck/{name}", "duck/unmask.png")
+    assert _only(from_folder(tmp_path)).mask == str(tmp_path / "duck" / name)
+
+
+def test_files_that_might_have_been_meant_are_named(tmp_path: Path) -> None:
+    images = [f"vase/jpeg-exports/{number}.jpg" for number in range(3)]
+    _touch(
+        tmp_path, *images, "vase/assembly-files/a.lp", "vase/assembly-files/b.lp", "vase/mask.jpg", "vase/b_mask.png"
+    )
+    _touch(tmp_path, "bear/1.png", "bear/2.png", "bear/light_directions.txt", "bear/mask.png")
+    left_out = dict[str, str]()
+    catalogue = from_folder(tmp_path, left_out.__setitem__)
+    assert [capture.lights for item in catalogue.objects for capture in item.captures] == [None, None]
+    assert set(left_out) == {
+        "bear/light_directions.txt",
+        "assembly-files/a.lp, assembly-files/b.lp",
+        "vase/b_mask.png, vase/mask.jpg",
+    }
+    assert "`lights`" in left_out["assembly-files/a.lp, assembly-files/b.lp"]
+
+
 def test_hidden_files_and_folders_are_left_out(tmp_path: Path) -> None:
     _touch(tmp_path, ".git/a.mp4", "duck/.hidden.mp4", "duck/video.mp4")
     assert _captures(from_folder(tmp_path)) == {"duck": ["video"]}

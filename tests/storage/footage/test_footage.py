@@ -336,6 +336,12 @@ def test_images_that_differ_are_named(tmp_path: Path, odd_image: np.ndarray, say
     assert str(tmp_path / "img_7.png") in caught.value.message
 
 
+def test_a_picture_that_is_turned_is_named_as_turned(tmp_path: Path) -> None:
+    write_images(tmp_path, [*FRAMES[:2], np.zeros((64, 48), np.uint8)])
+    with pytest.raises(InputError, match="turn all images the same way"):
+        _read(tmp_path)
+
+
 def test_a_corrupt_image_is_named(tmp_path: Path) -> None:
     paths = write_images(tmp_path, FRAMES[:6])
     whole = paths[3].read_bytes()

@@ -23,3 +23,10 @@ def test_warnings_of_one_cause_are_one_line_with_the_highest_cost() -> None:
         StageWarning("c", "sphere", 3.0),
     ]
     assert by_cost(warnings) == [StageWarning("c; a", "sphere", 3.0), StageWarning("b", "mask", 2.0)]
+
+
+def test_a_remedy_that_several_messages_end_with_is_said_once() -> None:
+    texts = ("too large by 6 pixels: edges lie inside; correct it", "ragged; correct it", "cut")
+    warnings = [StageWarning(text, "mask", 3.0 - number) for number, text in enumerate(texts)]
+    (joined,) = by_cost(warnings)
+    assert joined.message == "too large by 6 pixels: edges lie inside; ragged; correct it; cut"
