@@ -47,7 +47,6 @@ _FAULTS = {
     "dict_type": "this is no set of keys with values",
     "tuple_type": "this is no list",
     "list_type": "this is no list",
-    "string_pattern_mismatch": "no path holds a null character",
     "int_parsing_size": "this is no number that can be meant",
 }
 """Faults by pydantic's name of the error, where its own words are about Python."""
@@ -106,6 +105,9 @@ def _diagnostic(
 def fault_of(detail: ErrorDetails) -> str:
     """Return a value and what is wrong with it."""
     fault = _FAULTS.get(detail["type"]) or f"{detail['msg'][:1].lower()}{detail['msg'][1:]}"
+    if detail["type"] == "string_pattern_mismatch":
+        is_null = "\0" in detail["input"]
+        fault = "no path holds a null character" if is_null else f"this is not of the form {detail['ctx']['pattern']}"
     return f"{truncate_repr(detail['input'])}: {fault}"
 
 

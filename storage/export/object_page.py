@@ -1,5 +1,6 @@
 """The page of an object or of one capture, built from what a version holds."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,8 @@ SHARED_PAGE_FRAMES = 12
 """Photographs of each capture on a page of several, before their detail is reduced."""
 MIN_SCALE = 0.05
 """Scale of the arrays' sides to which the detail is not reduced: nothing could be recognized there."""
+ADDRESS = re.compile(r"(/|[a-z0-9]+://)[^\n]+")
+"""A path or an address, as versions record those of inputs."""
 MODEL_FIGURES = {
     "volume": "Volume",
     "area": "Area",
@@ -65,6 +68,8 @@ def capture_page_of(location: Location, version: Version, capture: PageCapture) 
 def object_page(repository: ObjectRepository, version: Version) -> str:
     """Return the page of an object: its captures, and its model where it has one.
 
+    It is for others to read: it names files without their folders, which tell of people, projects and machines.
+
     Raises:
         StoreError: a result is missing or damaged.
     """
@@ -77,9 +82,9 @@ def object_page(repository: ObjectRepository, version: Version) -> str:
     return page(
         PageContent(
             title=repository.object_id,
-            version=version_facts(version),
-            catalogue=version.metadata.get("catalogue"),
-            reports=[capture.report for capture in captures],
+            version=_without_folders(version_facts(version)),
+            catalogue=_without_folders(version.metadata.get("catalogue")),
+            reports=[_without_folders(capture.report) for capture in captures],
             captures=_fitted(repository.location, version, captures, model.size if model else 0),
             model=model,
             model_figures=rows,
@@ -109,6 +114,17 @@ def version_facts(version: Version) -> dict[str, Any]:
     """Return what reports say of a version."""
     facts = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
     return facts | {"metadata": version.metadata}
+
+
+def _without_folders(content: Any) -> Any:
+    """Return JSON values in which paths and addresses of files are the names of the files."""
+    if isinstance(content, Mapping):
+        return {key: _without_folders(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_without_folders(value) for value in content]
+    if isinstance(content, str) and ADDRESS.match(content):
+        return content.rstrip("/").rpartition("/")[2]
+    return content
 
 
 def _fitted(location: Location, version: Version, captures: Sequence[PageCapture], taken: int) -> list[CaptureData]:

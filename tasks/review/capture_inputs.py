@@ -19,6 +19,9 @@ from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import Records, summary_of
 from glint.tasks.stages.frame_parts import check_camera, check_light_source, check_region, check_spheres
 
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG."""
+
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
     """Return the inputs of a capture as JSON values: as the catalogue or a person gives them, and as the last run used
@@ -141,12 +144,14 @@ def check_mask_head(mask: str, context: CaptureContext) -> None:
     mask: the base64 of a PNG.
 
     Raises:
-        InputError: it is none, or has another size than the full frame; or the video cannot be read.
+        InputError: it is no PNG, or has another size than the full frame; or the video cannot be read.
     """
     try:
         data = base64.b64decode(mask, validate=True)
     except binascii.Error as error:
         raise InputError(f"the mask is not base64 ({error})", "send the base64 of a PNG") from error
+    if not data.startswith(PNG_SIGNATURE):
+        raise InputError("the mask is no PNG", "send the base64 of a PNG")
     check_mask(image_size(data, "the mask"), first_frame(context).shape)
 
 

@@ -4,6 +4,7 @@ import base64
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
@@ -74,9 +75,12 @@ def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_pa
     head = mask_png(np.ones((4, 12_000), bool))[:60]
     for data, error in (
         (head, "the painted mask is 12000 x 4"),
-        (b"no image", "no image that can be read"),
+        (b"no image", "the mask is no PNG"),
+        (cv2.imencode(".tiff", np.full((4, 6), 255, np.uint8))[1].tobytes(), "the mask is no PNG"),
         (mask_png(np.zeros((4, 6), bool)), "the mask is empty"),
     ):
         status, text = saved(data)
         assert status == 422 and error in text
     assert saved(whole)[0] == 200
+    misnamed = browser.get("/api/captures/VASE/front/edits")
+    assert misnamed.status_code == 422 and "'VASE': this is not of the form ^[a-z0-9]" in misnamed.json()["error"]

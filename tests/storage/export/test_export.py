@@ -11,7 +11,7 @@ import trimesh
 import zarr
 
 from glint.storage.errors import OutputError, StoreError
-from glint.storage.export.export import export
+from glint.storage.export.export import export, export_page
 from glint.storage.export.mesh_files import with_asset_facts
 from glint.storage.locations.location import Location
 from glint.storage.seals import sealed
@@ -120,6 +120,19 @@ def test_the_reports_show_figures_and_warnings(
     assert counts["rejected_frames"] == {"no light": 1, "two lights": 1}
     page = (tmp_path / "out/front/report.html").read_text()
     assert "few &lt;b&gt;lights&lt;/b&gt;" in page and "<script>alert" not in page
+
+
+def test_a_page_for_others_names_files_without_their_folders(
+    repository: ObjectRepository, location: Location, tmp_path: Path
+) -> None:
+    entry = {"id": "front", "frames": "/home/anna/lab/front.mp4", "mask": "s3://lab-secret/duck/mask.png"}
+    recorded = {"front": {"catalogue": "/home/anna/lab/glass.yaml", "entry": entry}}
+    repository.publish(["front"], {"catalogue": "/home/anna/lab/glass.yaml", "captures": recorded})
+    page = Path(export_page(location, "duck", tmp_path / "page.html").out).read_text()
+    assert "front.mp4" in page and "mask.png" in page and "glass.yaml" in page
+    assert "anna" not in page and "secret" not in page
+    export(location, "duck", tmp_path / "out")
+    assert "/home/anna/lab/front.mp4" in (tmp_path / "out/front/report.json").read_text(), "files keep the addresses"
 
 
 @pytest.mark.long
