@@ -87,7 +87,8 @@ export class MaskLayer {
         if (this.before) this.stroke(point);
       }
     }, { signal });
-    for (const name of ["pointerup", "pointercancel"]) container.addEventListener(name, () => this.end(), { signal });
+    container.addEventListener("pointerup", () => this.end(), { signal });
+    container.addEventListener("pointercancel", () => this.cancel(), { signal });
   }
 
   get paints() {
@@ -116,6 +117,16 @@ export class MaskLayer {
     const box = this.mask.fillDisc(x, y, this.radius, value);
     if (!box) return;
     this.box = this.box ? union(this.box, box) : box;
+    this.redraw(box);
+  }
+
+  /** Takes back what the step that has begun has changed, and the corner that it has set. */
+  cancel() {
+    if (this.view.tool === "polygon") this.corners.pop();
+    const { before, box } = this;
+    this.before = null;
+    if (!before || !box) return;
+    this.mask.paste(box, before.cut(box));
     this.redraw(box);
   }
 

@@ -1,8 +1,10 @@
-// The picture: a Konva stage in pixels of the full frame, zoomed around the pointer and moved by dragging.
+// The picture: a Konva stage in pixels of the full frame, zoomed around the pointer and moved by dragging, or by two
+// fingers.
 //
 // The centre of the top-left pixel is (0, 0), so the picture itself begins at (-0.5, -0.5).
 
 import { Konva } from "../vendor.js";
+import { followFingers } from "./fingers.js";
 
 const MAX_ZOOM = 8;
 const CLICK_PX = 4;
@@ -100,7 +102,9 @@ export class Picture {
       const box = this.container.getBoundingClientRect();
       this.zoomBy(Math.exp(-event.deltaY * 0.0015), { x: event.clientX - box.left, y: event.clientY - box.top });
     }, { signal, passive: false });
+    followFingers(this, signal);
     let start = null;
+    this.container.addEventListener("pointercancel", () => (start = null), { signal });
     this.container.addEventListener("pointerdown", (event) => {
       const isShape = this.stage.getIntersection(this.offset(event)) !== null;
       const pans = event.button === 1 || (event.button === 0 && this.pans && !isShape);

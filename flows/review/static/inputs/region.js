@@ -147,6 +147,7 @@ export class ScaleLayer {
       this.line.setAttrs({ points: [this.start.x, this.start.y, end.x, end.y], visible: true });
       this.show();
     }, { signal });
+    container.addEventListener("pointercancel", () => (this.start = null), { signal });
     container.addEventListener("pointerup", () => {
       if (this.start && this.pixels) this.length.focus();
       this.start = null;

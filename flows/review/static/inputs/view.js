@@ -16,7 +16,7 @@ import { SphereLayer } from "./spheres.js";
 import { Timeline } from "../timeline.js";
 
 const TOOLS = [
-  ["look", "Look", "v", "drag to move, wheel to zoom, click a pixel for its highlights"],
+  ["look", "Look", "v", "drag to move, wheel or two fingers to zoom, click a pixel for its highlights"],
   ["spheres", "Spheres", "s", "drag a circle or its handle; double-click adds one, Delete removes it"],
   ["brush", "Brush", "b", "paint the object; [ and ] change the size"],
   ["eraser", "Eraser", "e", "take away what is not the object"],

@@ -59,6 +59,10 @@ export class FreeMarks {
       this.line.push(this.picture.pointer(event));
       this.draw();
     }, { signal });
+    this.stage.addEventListener("pointercancel", () => {
+      this.line = [];
+      this.draw();
+    }, { signal });
     addEventListener("pointerup", () => {
       const line = this.line;
       this.line = [];
