@@ -164,8 +164,8 @@ def _beside(folder: Location, frames: str, is_shared: bool, leave_out: LeaveOut)
                 capture |= _only_entry(key, [file for file in listed if is_one(file)], leave_out)
         if "lights" not in capture:
             within = _named(subfolders, (*FRAME_FOLDERS, *LIGHTS_FOLDERS))
-            found = [file for subfolder in within for file in list_folder(subfolder)[1] if _is_lights(file)]
-            capture |= _only_entry("lights", found, leave_out)
+            candidates = [file for subfolder in within for file in list_folder(subfolder)[1] if _is_lights(file)]
+            capture |= _only_entry("lights", candidates, leave_out)
         for file in listed if "lights" not in capture else ():
             if file.name.lower() in OTHER_LIGHTS:
                 leave_out(f"{folder.name}/{file.name}", "only .lp files are read as lights: write them as `name x y z`")

@@ -51,8 +51,8 @@ def by_cost(warnings: Iterable[StageWarning]) -> list[StageWarning]:
 def _joined(messages: Sequence[str]) -> str:
     """Return messages as one; of those that end alike after their last semicolon, only the last has the end."""
     ends = [message.rpartition("; ")[2] for message in messages]
-    said = [
+    sentences = [
         message.removesuffix(f"; {end}") if end in ends[number + 1 :] else message
         for number, (message, end) in enumerate(zip(messages, ends, strict=True))
     ]
-    return "; ".join(said)
+    return "; ".join(sentences)

@@ -34,7 +34,7 @@ def doubt_lights(evidence: LightEvidence) -> LightDoubt:
         message = (
             f"the given lights contradict the object: {evidence.axes}, they would fit {evidence.axes_ratio:.1f} times"
             " as well: correct the axes of the `.lp` file (x to the right, y up, z towards the camera), or the order of"
-            " its rows"
+            " its rows, unless it is the file of another capture"
         )
         warning = StageWarning(message, "light", OTHER_AXES_ERROR_DEG)
         return LightDoubt(share=1.0 / (1.0 + evidence.axes_ratio), warnings=[warning])

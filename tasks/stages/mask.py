@@ -78,6 +78,10 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
         return StageWarning(f"{name} is {objection.kind}{amount}: {evidence}; {REMEDY}", "mask", round(cost, 1))
     share = f"{objection.share:.0%} of its contour"
     text, cost = {
+        "corners": (
+            "it covers all four corners of the picture, as an inverted mask does: the object is white, all else black",
+            CUT_COST_DEG,
+        ),
         "cut": (f"{share} lies along the edge of frame or region {place}: the object goes on beyond it", CUT_COST_DEG),
         "continued": (f"highlights go on beyond {share} {place}, as if it lacked a part of the object", CUT_COST_DEG),
         # Which of the two is wrong, the lights tell: a circle that is no sphere costs far more.

@@ -12,8 +12,8 @@ from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_SCALE_RATIO = 1.05
 """Ratio of two scales beyond which they contradict each other."""
-MIN_DIAMETER_MM, MAX_DIAMETER_MM = 2.0, 500.0
-"""Diameters of the smallest and largest chrome spheres."""
+MIN_DIAMETER_MM, MAX_DIAMETER_MM = 4.0, 500.0
+"""Diameters of the smallest and largest chrome spheres: usual ones of 20 to 40 mm are less in centimetres or inches."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,9 +55,10 @@ SURROUNDINGS_SIGMA_PX = 3.0
 REACH_INRADII = 0.3
 """Distance from a doubtful piece of contour at which its doubt has fallen to 1/e, in inradii."""
 
-Kind = Literal["too large", "too small", "continued", "sphere", "cut", "neck", "ragged", "unsupported"]
+Kind = Literal["too large", "too small", "continued", "sphere", "corners", "cut", "neck", "ragged", "unsupported"]
 """What speaks against a mask: edges and highlights inside its contour, outside, and as dense beyond it as inside; a
-chrome sphere that it covers; the picture's edge; a neck; a ragged contour; nothing that supports it."""
+chrome sphere that it covers; the four corners of the picture, if it covers them; the picture's edge; a neck; a ragged
+contour; nothing that supports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def mask_objections(
     table = _table(distance, edge, free)
     rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
     flash = _highlights(rise, table)
-    objections = _cut_off(mask, contour, edges)
+    objections = _cut_off(mask, contour, edges) if estimated else _inverted(mask) or _cut_off(mask, contour, edges)
     images = edge_image(background, table), edge_image(rise, table)
     evidence = ContourEvidence.of(contour, distance, images, free, edge)
     shift = misplacement(evidence, flash)
@@ -175,6 +176,15 @@ def _cut_off(mask: np.ndarray, contour: np.ndarray, edges: np.ndarray) -> list[O
     cut = mask & edges
     share = float(cut.sum() / contour.sum())
     return [_objection("cut", cut, share, SHAPE_DOUBT)] if share > MAX_CUT_SHARE else []
+
+
+def _inverted(mask: np.ndarray) -> list[Objection]:
+    """Object to a mask that covers all four corners: it is inverted, or its object goes on beyond the picture."""
+    if not mask[:: len(mask) - 1 or 1, :: mask.shape[1] - 1 or 1].all():
+        return []
+    frame = np.ones(mask.shape, bool)
+    frame[1:-1, 1:-1] = False
+    return [_objection("corners", mask & frame, float(mask[frame].mean()), SHIFT_DOUBT)]
 
 
 def _unsupported(contour: np.ndarray, edge: float, flash: np.ndarray) -> list[Objection]:

@@ -50,6 +50,7 @@ def test_scales_that_agree_are_averaged_without_a_warning() -> None:
     [
         (None, [(30.0, 25.0), (30.0, 12.5)], "the spheres contradict each other: 0.417 and 0.208 mm per pixel"),
         (1.7, [(30.0, 25.0)], "`pixel_size` 1.7 contradicts the sphere's 0.417 mm per pixel"),
+        (None, [(30.0, 2.5)], "`diameter_mm` 2.5 is that of a grain: give it in millimetres"),
         (None, [(30.0, 0.025)], "`diameter_mm` 0.025 is that of a grain: give it in millimetres"),
         (None, [(30.0, 2500.0)], "`diameter_mm` 2500 is more than any chrome sphere has"),
     ],

@@ -111,6 +111,18 @@ def test_an_object_that_the_frame_cuts_is_doubtful_there(disc: GlassScene) -> No
     assert cut.y == 0 and cut.share > 0.1
 
 
+def test_an_inverted_mask_and_one_of_the_whole_picture_are_told_from_an_object_at_the_edge(disc: GlassScene) -> None:
+    for mask in (~disc.mask, np.ones_like(disc.mask)):
+        objections = objections_to(disc, mask)
+        assert "corners" in {objection.kind for objection in objections}
+        assert "cut" not in {objection.kind for objection in objections}
+        assert np.median(doubt_of(mask, objections)[mask]) > 0.05
+    wide = disc.mask.copy()
+    wide[:, : wide.shape[1] // 2] = True
+    assert "corners" not in {objection.kind for objection in objections_to(disc, wide)}
+    assert not objections_to(disc, disc.mask)
+
+
 def test_necks_and_ragged_contours_are_doubtful_if_estimated(disc: GlassScene) -> None:
     neck = disc.mask.copy()
     neck[88:92, 30:190] = True
