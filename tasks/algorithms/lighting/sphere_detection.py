@@ -67,7 +67,8 @@ LEVEL_RADIUS_PX = 40.0
 
 SPHERE_REMEDY = (
     "put a chrome sphere of at least 40 pixels across beside the object, wholly in the frame and against a plain "
-    "background, or give its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue"
+    "background, or give its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue, "
+    "or known lights as `lights`"
 )
 
 
@@ -95,7 +96,7 @@ def find_spheres(
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
         reasons = "".join(f"; {reason}" for reason in rejected) or (
-            "" if best is None else f"; the best candidate scores {best:.2f} of {MIN_SPHERE_SCORE:.2f}"
+            "" if best is None else f"; the best candidate scores {best:.3f}, less than {MIN_SPHERE_SCORE:.3f}"
         )
         raise UnusableSphere(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY

@@ -158,12 +158,28 @@ def test_region_and_scale_are_set_by_keyboard_and_line(served: ServedPage, tab: 
     page.keyboard.press("Tab")
     page.keyboard.press("l")
     drag(tab, (10, 10), (60, 10))
-    page.fill("aside input[placeholder=mm]", "25")
+    page.fill("[aria-label='Length of the line in millimetres']", "25")
     page.keyboard.press("Tab")
     saved(tab)
     edits = asked(served, "edits")
     assert edits["region"]["width"] == region["width"] - 3
     assert edits["pixel_size"] == pytest.approx(0.5, rel=0.03)
+
+
+def test_a_scale_is_typed_without_a_line(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    before = asked(served, "edits")["pixel_size"]
+    page.fill("[aria-label='Length of the line in millimetres']", "25")
+    page.keyboard.press("Tab")
+    tab.wait("document.getElementById('status').textContent.startsWith('Draw the line')")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.25")
+    page.keyboard.press("Tab")
+    saved(tab)
+    assert asked(served, "edits")["pixel_size"] == 0.25
+    page.fill("[aria-label='Millimetres of a pixel']", "" if before is None else str(before))
+    page.keyboard.press("Tab")
+    saved(tab)
+    until(lambda: asked(served, "edits")["pixel_size"] == before)
 
 
 def test_a_conflict_is_shown_and_nothing_is_lost(served: ServedPage, tab: Tab, chromium: Any) -> None:

@@ -1,6 +1,6 @@
 // The region's rectangle, and the scale as a line of known length.
 
-import { element } from "../dom.js";
+import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const COLOUR = "#e7b45a";
@@ -106,8 +106,11 @@ export class ScaleLayer {
     this.line = new Konva.Line({ stroke: "#ff9be1", strokeWidth: 2, strokeScaleEnabled: false, visible: false, listening: false });
     view.picture.shapes.add(this.line);
     this.length = element("input", { type: "number", min: "0", step: "0.1", placeholder: "mm", "aria-label": "Length of the line in millimetres", onchange: () => this.typed() });
+    this.perPixel = element("input", { type: "number", min: "0", step: "any", placeholder: "mm", "aria-label": "Millimetres of a pixel", onchange: () => this.typedSize() });
     this.state = element("p", { class: "faint" });
-    this.root = element("section", {}, element("h2", {}, "Scale"), element("label", { class: "line" }, "The line is", this.length, "mm long"), this.state);
+    this.root = element("section", {}, element("h2", {}, "Scale"),
+      element("label", { class: "line" }, "The line is", this.length, "mm long"),
+      element("label", { class: "line" }, "A pixel is", this.perPixel, "mm"), this.state);
     this.drawByPointer();
     this.reset();
   }
@@ -156,9 +159,20 @@ export class ScaleLayer {
 
   typed() {
     const length = Number(this.length.value);
-    if (!this.pixels || !(length > 0)) return;
+    if (!(length > 0)) return;
+    if (!this.pixels) announce("Draw the line on the picture with Scale, or type the millimetres of a pixel.", "error");
+    else this.set(Number((length / this.pixels).toPrecision(6)));
+  }
+
+  /** Takes the millimetres of a pixel; an empty field takes the edit back. */
+  typedSize() {
+    const size = this.perPixel.value === "" ? null : Number(this.perPixel.value);
+    if (size === null || size > 0) this.set(size);
+    else this.show();
+  }
+
+  set(after) {
     const before = this.size;
-    const after = Number((length / this.pixels).toPrecision(6));
     const put = (size) => { this.size = size; this.show(); };
     put(after);
     this.view.history.add({ undo: () => put(before), redo: () => put(after) });
@@ -167,6 +181,7 @@ export class ScaleLayer {
   show() {
     const drawn = this.pixels ? `${this.pixels.toFixed(1)} pixels drawn · ` : "";
     const size = this.size ?? this.found;
+    this.perPixel.value = this.size ?? "";
     const origin = this.size !== this.saved ? "changed, not saved" : this.size ? "given" : "from a sphere's diameter";
     this.state.textContent = drawn + (size ? `${size.toPrecision(4)} mm per pixel, ${origin}` : "unknown: everything stays in pixels");
   }
