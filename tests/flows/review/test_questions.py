@@ -37,6 +37,26 @@ def test_answers_are_saved_as_marks_labelled_at_once_and_taken_back(served: Serv
     page.wait_for_selector(f"canvas.loop[data-shown='{second['frame']} {second['x']} {second['y']}']")
 
 
+def test_a_loop_is_stopped_stepped_and_tinted_without_keys(tab: Tab) -> None:
+    page = tab.open(VIEW, READY)
+    controls = page.locator("[role=group][aria-label=Loop]")
+    controls.get_by_text("Stop").click()
+    frame = page.inner_text(".frame-number")
+    page.wait_for_timeout(200)
+    assert page.inner_text(".frame-number") == frame, "it has stopped"
+    controls.get_by_label("Next frame").click()
+    assert page.inner_text(".frame-number") != frame
+    controls.get_by_label("Frame before").click()
+    assert page.inner_text(".frame-number") == frame
+    tint = controls.get_by_text("Tint")
+    assert tint.get_attribute("aria-pressed") == "true"
+    page.focus("main")
+    page.keyboard.press("h")
+    assert tint.get_attribute("aria-pressed") == "false"
+    controls.get_by_text("Play").click()
+    tab.wait(f"document.querySelector('.frame-number').innerText !== '{frame}'")
+
+
 def test_axe_has_no_serious_findings(tab: Tab) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     page = tab.open(VIEW, READY)
@@ -49,6 +69,7 @@ def test_modules_of_the_view_are_served_with_the_page() -> None:
         "draft.js",
         "free.js",
         "loop.js",
+        "loop_controls.js",
         "marks.js",
         "questions.css",
         "view.js",

@@ -56,6 +56,7 @@ export class Loop {
 
   toggle() {
     this.playing = !this.playing;
+    this.onplaying?.();
     if (!this.playing) cancelAnimationFrame(this.request);
     else if (this.question) {
       this.began = performance.now() - (this.index / FRAMES_PER_SECOND) * 1000;

@@ -8,6 +8,7 @@ import { RunPanel } from "../inputs/run.js";
 import { Draft } from "./draft.js";
 import { FreeMarks } from "./free.js";
 import { Loop } from "./loop.js";
+import { loopControls } from "./loop_controls.js";
 import { Marks } from "./marks.js";
 
 const LIGHT_PX = 96;
@@ -34,6 +35,7 @@ class QuestionsView {
     this.loop = new Loop(this, signal);
     this.number = element("output", { class: "frame-number" });
     this.loop.onframe = (frame) => (this.number.textContent = `frame ${frame.toLocaleString("en")}`);
+    this.controls = loopControls(this.loop, () => this.tint());
     this.text = element("p", { class: "question", "aria-live": "polite" });
     this.author = new Author("answer");
     this.marks = new Marks(this, () => this.marksChanged(), (mark) => this.go(mark));
@@ -57,7 +59,7 @@ class QuestionsView {
         element("div", { class: "line", role: "group", "aria-label": "What to mark" }, this.modes), this.text, this.place,
         element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
-        element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, element("div", { class: "line lights" }, this.sphere, this.light)),
+        element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, this.controls, element("div", { class: "line lights" }, this.sphere, this.light)),
         element("section", {}, element("h2", {}, "Answers"), this.author.input, this.draft.state, this.draft.picture, this.more),
         this.marks.root, this.run.root),
     ];
@@ -117,6 +119,7 @@ class QuestionsView {
 
   tint() {
     this.loop.tinted = !this.loop.tinted;
+    this.loop.ontint?.();
     if (this.loop.question) this.loop.draw();
   }
 
