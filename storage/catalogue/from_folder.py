@@ -107,12 +107,12 @@ def _captures(folder: Location, naming: Naming, leave_out: LeaveOut) -> list[dic
         capture_id = _new_id(naming("front" if name == "capture" else name), taken)
         return {"id": capture_id, "frames": frames} | _beside(place, frames, is_shared, leave_out)
 
-    footage = _footage(folder)
+    footage = _footage(folder, leave_out)
     if footage:
         return [capture(folder, name, frames, len(footage) > 1) for name, frames in footage]
     captures = []
     for subfolder in list_folder(folder)[0]:
-        footage = _footage(subfolder)
+        footage = _footage(subfolder, leave_out)
         is_shared = len(footage) > 1
         for name, frames in footage:
             capture_name = f"{subfolder.name}-{name}" if is_shared else subfolder.name
@@ -120,7 +120,7 @@ def _captures(folder: Location, naming: Naming, leave_out: LeaveOut) -> list[dic
     return captures
 
 
-def _footage(folder: Location) -> list[tuple[str, str]]:
+def _footage(folder: Location, leave_out: LeaveOut) -> list[tuple[str, str]]:
     """Return name and address of a folder's videos, else of its largest set of images."""
     folders, files = list_folder(folder)
     videos = [file for file in files if _suffix(file) in VIDEO_SUFFIXES]
@@ -134,6 +134,11 @@ def _footage(folder: Location) -> list[tuple[str, str]]:
         sets = {pattern: count for pattern, count in sets.items() if count > 1}
         if sets:
             pattern = max(sets, key=lambda pattern: (sets[pattern], pattern))
+            for other in sorted(sets.keys() - {pattern}):
+                if sets[other] == sets[pattern]:
+                    leave_out(
+                        f"{folder.name}/{other}", f"as many images as in {pattern}: name the better ones as `frames`"
+                    )
             # In an object store only the last part of the key is a pattern; of a path all is, so it is escaped.
             address = image_folder.uri if image_folder.local is None else _escape(image_folder.uri)
             return [("front", f"{address.rstrip('/')}/{pattern}")]

@@ -182,6 +182,9 @@ class Video:
 @contextlib.contextmanager
 def _open(location: Location) -> Iterator[Any]:
     """Open a container whose first video stream can be decoded."""
+    # FFmpeg would take the JPEGs in a ZIP file for a video.
+    if plain_kind(location) == "an archive":
+        raise InputError(f"{location.uri} is an archive", "unpack it, and give the video or the folder of images")
     try:
         source: Any = location.path if location.local is not None else RemoteFile(location)
         container = within_time(lambda step: av.open(source, options={"format_whitelist": _FORMATS}), location.uri)

@@ -140,8 +140,12 @@ def _system_devices() -> frozenset[int]:
     return frozenset(folder.stat().st_dev for folder in (Path("/proc"), Path("/sys")) if folder.is_dir())
 
 
+ARCHIVE_HEADS = (b"PK\x03\x04", b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\x1f\x8b")
+"""First bytes of ZIP, 7z, RAR and gzip files."""
+
+
 def plain_kind(location: Location) -> str:
-    """Return in words that a local file is empty or text; "": it is neither, unreadable, or lies in an object store."""
+    """Return in words that a local file is empty, text or an archive; "": none of them, or in an object store."""
     head: bytes | None = None
     if location.local is not None:
         with suppress(OSError), location.local.open("rb") as file:
@@ -150,6 +154,8 @@ def plain_kind(location: Location) -> str:
         return ""
     if not head:
         return "empty (0 bytes)"
+    if head.startswith(ARCHIVE_HEADS):
+        return "an archive"
     text = head.decode("utf-8", "ignore")
     # A character may be cut at the end.
     is_text = len(text.encode()) > len(head) - 4 and all(letter.isprintable() or letter.isspace() for letter in text)

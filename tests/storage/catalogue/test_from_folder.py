@@ -176,13 +176,15 @@ def test_files_that_might_have_been_meant_are_named(tmp_path: Path) -> None:
         tmp_path, *images, "vase/assembly-files/a.lp", "vase/assembly-files/b.lp", "vase/mask.jpg", "vase/b_mask.png"
     )
     _touch(tmp_path, "bear/1.png", "bear/2.png", "bear/light_directions.txt", "bear/mask.png")
+    _touch(tmp_path, "ring/1.jpg", "ring/2.jpg", "ring/1.tif", "ring/2.tif", "ring/preview-1.png", "ring/a.bmp")
     left_out = dict[str, str]()
     catalogue = from_folder(tmp_path, left_out.__setitem__)
-    assert [capture.lights for item in catalogue.objects for capture in item.captures] == [None, None]
+    assert [capture.lights for item in catalogue.objects for capture in item.captures] == [None, None, None]
     assert set(left_out) == {
         "bear/light_directions.txt",
         "assembly-files/a.lp, assembly-files/b.lp",
         "vase/b_mask.png, vase/mask.jpg",
+        "ring/[0-9]*.jpg",
     }
     assert "`lights`" in left_out["assembly-files/a.lp, assembly-files/b.lp"]
 

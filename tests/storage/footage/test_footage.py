@@ -186,7 +186,10 @@ def test_a_video_without_its_index_is_refused(tmp_path: Path) -> None:
         open_footage(path)
 
 
-@pytest.mark.parametrize(("data", "kind"), [(b"", r"empty \(0 bytes\)"), (b"hello\n" * 200, "a text file")])
+@pytest.mark.parametrize(
+    ("data", "kind"),
+    [(b"", r"empty \(0 bytes\)"), (b"hello\n" * 200, "a text file"), (b"PK\x03\x04" + bytes(90), "an archive")],
+)
 def test_what_a_file_is_instead_of_a_video_is_named(tmp_path: Path, data: bytes, kind: str) -> None:
     (tmp_path / "a.mp4").write_bytes(data)
     with pytest.raises(InputError, match=f"a.mp4 is {kind}: give a video"):
