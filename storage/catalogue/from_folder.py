@@ -137,7 +137,7 @@ def _footage(folder: Location, leave_out: LeaveOut) -> list[tuple[str, str]]:
             for other in sorted(sets.keys() - {pattern}):
                 if sets[other] == sets[pattern]:
                     leave_out(
-                        f"{folder.name}/{other}", f"as many images as in {pattern}: name the better ones as `frames`"
+                        f"{folder.name}/{other}", f"as many images as {pattern}: name the better ones as `frames`"
                     )
             # In an object store only the last part of the key is a pattern; of a path all is, so it is escaped.
             address = image_folder.uri if image_folder.local is None else _escape(image_folder.uri)
