@@ -940,7 +940,7 @@ ROWS = (
         "DIR/f.mp4 is no video that can be read (Invalid data found when processing input)",
     ),
     Hostile(
-        "frames", "ZIP", archive(), "DIR/f.mp4 is no video that can be read (Invalid data found when processing input)"
+        "frames", "ZIP", archive(), "DIR/f.mp4 is an archive: unpack it, and give the video or the folder of images"
     ),
     Hostile(
         "frames",
