@@ -168,7 +168,9 @@ def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> N
         edits.undo(1, "Bob")
         assert run()[-1]["captures"][0]["version"] == "v3"
         assert repository.version("v3").stages == repository.version("v1").stages
-        names = [row["version"] for row in rows("history", "hemisphere", "--store", str(store))]
+        names = [
+            row.get("version") or f"edit {row['edit']}" for row in rows("history", "hemisphere", "--store", str(store))
+        ]
         assert names == ["v1", "edit 1", "v2", "edit 2", "v3"]
     finally:
         from glint.flows.runtime.prefect_server import stop_server
