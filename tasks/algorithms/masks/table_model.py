@@ -28,7 +28,7 @@ TABLE_FLASH_QUANTILE, MIN_FLASH_QUANTILES = 0.999, 1.6
 the codec leaves a part of the table without any change, flashes spread, but none of the table's is large."""
 AREA_SIGMA_PX = 3.0
 """Standard deviation of the blur, in pixels, by which an area that flashes stands out."""
-MAX_FALSE_SHARE, MIN_SHOWN_SHARE = 0.05, 0.2
+MAX_FALSE_SHARE, MIN_PIXEL_SHARE = 0.05, 0.2
 """Share of what flashes that may be the table, and share of it that single pixels must show for areas not to count."""
 LIMIT_STEP = 0.05
 """Step, in log ratios, in which a limit is looked for."""
@@ -96,7 +96,7 @@ def _with_limits(
     quantile = MIN_FLASH_QUANTILES * float(np.quantile(excess[is_table], TABLE_FLASH_QUANTILE))
     flash_limit = max(MIN_FLASH, min(spread, quantile))
     stands_out = excess > _least_limit(excess, is_table)
-    is_shown = (excess > flash_limit).sum() >= MIN_SHOWN_SHARE * stands_out.sum()
+    is_shown = (excess > flash_limit).sum() >= MIN_PIXEL_SHARE * stands_out.sum()
     area_limit = np.inf if is_shown else _least_limit(_of_areas(excess), is_table)
     return TableModel(means, covariance, variance, flash_limit, area_limit)
 

@@ -198,12 +198,12 @@ def _fitted(shapes: HighlightShapes, sphere: Sphere) -> _Fit:
     upper = [sphere.x + reach, sphere.y + reach, MAX_LOG_RATIO, most, most, most]
     start = [sphere.x, sphere.y, 0.0, 0.4 * usual, 0.0, 0.0]
     fit = least_squares(residuals, start, bounds=(lower, upper), loss="soft_l1")
-    x, y, log_ratio, size, *skew = (float(value) for value in fit.x)
+    x, y, log_ratio, size, level_skew, cross_skew = (float(value) for value in fit.x)
     xx, xy, yy = (fit.fun[:-1].reshape(shapes.moments.shape) / weights).T
     oblong = robust_deviation(np.concatenate([(xx - yy) / 2.0, xy]))
-    unexplained = np.sqrt(max(oblong**2 - (NOISE_RATIO * robust_deviation((xx + yy) / 2.0)) ** 2, 0.0))
-    size = max(size, MIN_NOISE)
-    return _Fit(x, y, log_ratio, float(np.hypot(*skew)) / size, float(unexplained) / size)
+    scatter = NOISE_RATIO * robust_deviation((xx + yy) / 2.0)
+    size, unexplained = max(size, MIN_NOISE), float(np.sqrt(max(oblong**2 - scatter**2, 0.0)))
+    return _Fit(x, y, log_ratio, float(np.hypot(level_skew, cross_skew)) / size, unexplained / size)
 
 
 def _shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
