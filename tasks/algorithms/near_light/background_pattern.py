@@ -36,15 +36,15 @@ MIN_SIGNIFICANCE = 5.0
 
 @dataclass(frozen=True, slots=True)
 class PatternFit:
-    """inverse: distance of the light, 1/pixels; error: standard error of it."""
+    """Inverse distance of the light that explains a pattern, 1/pixels, and its standard error."""
 
-    inverse: float
-    error: float
+    inverse_distance: float
+    standard_error: float
 
     @property
     def is_significant(self) -> bool:
         """Whether the light is near beyond doubt."""
-        return self.inverse >= MIN_SIGNIFICANCE * self.error
+        return self.inverse_distance >= MIN_SIGNIFICANCE * self.standard_error
 
 
 @dataclass(frozen=True, slots=True)

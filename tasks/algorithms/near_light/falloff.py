@@ -78,8 +78,8 @@ def measure_falloff(
         background = measured
         fit = background.without_outliers().fit()
         if not fit.is_significant:
-            return Falloff(0.0, float(np.hypot(fit.error, max(fit.inverse, 0.0))))
-        inverse = fit.inverse
+            return Falloff(0.0, float(np.hypot(fit.standard_error, max(fit.inverse_distance, 0.0))))
+        inverse = fit.inverse_distance
     return _falloff_by_changes(background, fit)
 
 
@@ -148,7 +148,7 @@ def _falloff_by_changes(background: Background, whole: PatternFit) -> Falloff:
     fits = [part.without_outliers().fit() for part in parts if part is not None]
     fit = next((fit for fit in fits if fit.is_significant), whole)
     # What a codec weakened among all levels may still be weakened as much among those that changed.
-    held = fit.inverse - whole.inverse
+    held = fit.inverse_distance - whole.inverse_distance
     room = np.hypot(ROOM_ERROR, background.room_deviation) / (1.0 - background.room_share)
-    model = fit.inverse * np.hypot(EXPONENT_ERROR, room)
-    return Falloff(fit.inverse, float(np.sqrt(fit.error**2 + model**2 + held**2)))
+    model = fit.inverse_distance * np.hypot(EXPONENT_ERROR, room)
+    return Falloff(fit.inverse_distance, float(np.sqrt(fit.standard_error**2 + model**2 + held**2)))
