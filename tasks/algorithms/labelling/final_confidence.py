@@ -23,7 +23,7 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
-WINDOW_INRADII = 0.1
+SHEET_WINDOW_INRADII = 0.1
 """Standard deviation of the window over which residual and evidence of a sheet are averaged, in inradii."""
 MIN_HELD_OUT_SHARE = 0.004
 """Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
@@ -36,7 +36,7 @@ MAX_RESIDUAL_DEG = 20.0
 def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
     view, sheets = state.view, segment_sheets(state.values)
-    window = max(WINDOW_INRADII * view.inradius, 1.0)
+    window = max(SHEET_WINDOW_INRADII * view.inradius, 1.0)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
 
     # Without a ceiling, a sheet far from all else is not blamed for a poor prediction.
