@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=31,
+        version=32,
     ),
     Stage(
         "frames",
@@ -143,7 +143,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=55,
+        version=56,
     ),
     Stage(
         "depth",

@@ -9,7 +9,6 @@ import numpy as np
 from scipy import ndimage
 
 from glint.storage.inputs.masks_and_truth import read_truth
-from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.evaluation.metrics import (
     DepthErrors,
     LabelErrors,
@@ -27,9 +26,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.labels import reconstruct
-from glint.tasks.stages.markup import load_marks
+from glint.tasks.stages.labels import LabelledView, load_view, reconstruct
 
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
 CONFIDENT_ERROR_DEG = 5.0
@@ -88,19 +85,20 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     """
     if work.capture.truth is None:
         return None
-    mask = work.load("mask").read("mask")
+    view = load_view(work)
+    clusters, mask = view.clusters, view.mask
     truth = read_truth(work.capture.truth, mask.shape)
     if truth.normals is None:
         return None
-    clusters, labels, view = load_clusters(work), work.load("labels"), load_geometry(work).view_vectors
-    normals = _normals_by_method(work, clusters, mask)
+    labels, view_vectors = work.load("labels"), load_geometry(work).view_vectors
+    normals = _normals_by_method(work, view)
     observed = mask & (clusters.observations > 0)
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
     known = mask & np.isfinite(error)
     confidence = labels.read("confidence")
     confident = known & (confidence >= CONFIDENT)
-    cosine = truth.normals[..., 2] if view is None else (truth.normals * view).sum(axis=-1)
+    cosine = truth.normals[..., 2] if view_vectors is None else (truth.normals * view_vectors).sum(axis=-1)
     is_beyond = np.degrees(np.arccos(np.clip(cosine, -1, 1))) > MAX_OBSERVABLE_ANGLE_DEG
     squared = ((normals["glint"] - truth.normals) ** 2).sum(axis=-1)
     return Evaluation(
@@ -132,14 +130,13 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     )
 
 
-def _normals_by_method(work: CaptureContext, clusters: Clusters, mask: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the normals (H, W, 3) of METHODS, camera frame, NaN where a method has none; mask: (H, W) bool."""
-    initial, camera = work.load("silhouette").read("initial"), load_geometry(work).region_camera
-    literal, silhouette = LabelsParameters(method="paper"), work.parameters.silhouette
+def _normals_by_method(work: CaptureContext, view: LabelledView) -> dict[str, np.ndarray]:
+    """Return the normals (H, W, 3) of METHODS, camera frame, NaN where a method has none."""
+    winner = view.clusters.winner
     return {
-        "winner takes all": np.where(np.isfinite(clusters.winner), clusters.winner, initial),
-        "silhouette only": initial,
-        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, camera=camera).normals,
+        "winner takes all": np.where(np.isfinite(winner), winner, view.initial),
+        "silhouette only": view.initial,
+        "paper": reconstruct(view, LabelsParameters(method="paper"), work.parameters.silhouette).normals,
         "glint": work.load("labels").read("normals"),
     }
 

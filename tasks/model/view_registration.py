@@ -19,9 +19,7 @@ from glint.tasks.algorithms.registration.unposed_views import register_unposed
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.labels import reconstruct
-from glint.tasks.stages.markup import load_marks
+from glint.tasks.stages.labels import load_view, reconstruct
 
 RELABELLING_ROUNDS = 3
 """Iterations of a labelling that starts from the model's normals, nearly right already; the next pass continues it."""
@@ -91,16 +89,7 @@ def relabelled(view: View, model: Model, work: CaptureContext) -> View:
     expected = expected_normals(model, view)
     if work.parameters.labels.method != "sheets" or not np.isfinite(expected[view.mask]).all():
         return view
-    initial = work.load("silhouette").read("initial")
-    clusters, marks, parameters = load_clusters(work), load_marks(work), work.parameters.labels
-    labels = reconstruct(
-        clusters,
-        view.mask,
-        initial,
-        marks,
-        parameters.model_copy(update={"rounds": min(parameters.rounds, RELABELLING_ROUNDS)}),
-        work.parameters.silhouette,
-        expected=expected,
-        camera=load_geometry(work).region_camera,
-    )
+    parameters = work.parameters.labels
+    fewer_rounds = parameters.model_copy(update={"rounds": min(parameters.rounds, RELABELLING_ROUNDS)})
+    labels = reconstruct(load_view(work), fewer_rounds, work.parameters.silhouette, expected=expected)
     return view.with_normals(labels.normals, labels.confidence)

@@ -7,7 +7,6 @@ import numpy as np
 from scipy import sparse
 
 from glint.storage.inputs.markup import AnnotationEntry
-from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.distance import inradius_of
@@ -24,8 +23,8 @@ from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_frames import CaptureFrames
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import disc_deg, faced, load_clusters
-from glint.tasks.stages.labels import has_readmission, labelling_options, reconstruct
+from glint.tasks.stages.clusters import disc_deg, faced
+from glint.tasks.stages.labels import has_readmission, labelling_options, load_view, reconstruct
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 
@@ -53,9 +52,8 @@ class CaptureQuestions:
             StoreError: the capture was not run.
         """
         self.work, self.geometry = work, load_geometry(work)
-        self.mask: np.ndarray = work.load("mask").read("mask")
-        self.clusters: Clusters = load_clusters(work)
-        self._initial = work.load("silhouette").read("initial")
+        self._view = load_view(work)
+        self.mask, self.clusters = self._view.mask, self._view.clusters
         self.frames = CaptureFrames(work, self.geometry, self.mask)
         self._explained: Alternation | None = None
 
@@ -81,16 +79,8 @@ class CaptureQuestions:
     def label(self, marks: Marks | None) -> Reconstruction:
         """Label the candidates with these marks."""
         parameters = self.work.parameters
-        return reconstruct(
-            self.clusters,
-            self.mask,
-            self._initial,
-            marks,
-            parameters.labels,
-            parameters.silhouette,
-            camera=self.geometry.region_camera,
-            readmission=has_readmission(self.work.capture.pose),
-        )
+        marked, readmission = replace(self._view, marks=marks), has_readmission(self.work.capture.pose)
+        return reconstruct(marked, parameters.labels, parameters.silhouette, readmission=readmission)
 
     def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
         """Return the labelling of the last run if its marks were the same; None: label again."""
@@ -100,7 +90,7 @@ class CaptureQuestions:
         return Reconstruction(
             labels=saved.read("labels"),
             normals=saved.read("normals"),
-            initial=self._initial,
+            initial=self._view.initial,
             provenance=saved.read("provenance"),
             confidence=saved.read("evidence"),
             iterations=(),
@@ -116,7 +106,7 @@ class CaptureQuestions:
             return self.label(marks).normals
         if self._explained is None:
             clusters, camera = faced(without_shading(self.clusters), view), self.geometry.region_camera
-            self._explained = explain(settle(clusters, self.mask, self._options, camera=camera, draft=True))
+            self._explained = explain(settle(clusters, self.mask, self._options, camera=camera, is_draft=True))
         return rotate_from_view(conclude(self._explained, faced_marks(marks, view)).normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:

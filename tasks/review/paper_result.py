@@ -9,7 +9,7 @@ from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.review.stored import VersionReference
 from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.clusters import read_clusters
-from glint.tasks.stages.labels import reconstruct
+from glint.tasks.stages.labels import LabelledView, reconstruct
 from glint.tasks.stages.markup import tracked_marks
 
 PAPER_NEEDS = ("survey", "mask", "markup", "silhouette", "clusters")
@@ -25,12 +25,11 @@ def paper_normals(version: VersionReference, capture: str) -> np.ndarray:
     """
     repository = version.repository
     stages: dict[str, StageResult] = {stage: repository.load(capture, stage, version.snapshot) for stage in PAPER_NEEDS}
-    return reconstruct(
+    view = LabelledView(
         read_clusters(stages["clusters"]),
         stages["mask"].read("mask"),
         stages["silhouette"].read("initial"),
         tracked_marks(stages["markup"]),
-        LabelsParameters(method="paper"),
-        SilhouetteParameters(),
-        camera=CaptureGeometry.of(stages["survey"].record).region_camera,
-    ).normals
+        CaptureGeometry.of(stages["survey"].record).region_camera,
+    )
+    return reconstruct(view, LabelsParameters(method="paper"), SilhouetteParameters()).normals

@@ -1,6 +1,6 @@
 """Labels: which clusters are the exterior surface, and the normals of every pixel, by the chosen method."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from glint.tasks.algorithms.published.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.published.winner_takes_all import reconstruct_winner
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
-from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.stages.camera_doubt import CameraDoubt, doubt_camera, doubt_given_camera
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
@@ -43,23 +43,41 @@ CHANGED_SCENE_SHARE = 0.5
 63% of the confident ones were right."""
 
 
+@dataclass(frozen=True, slots=True)
+class LabelledView:
+    """The view that is labelled.
+
+    clusters: its candidates. mask: (H, W) bool. initial: (H, W, 3), the smooth normals of the silhouette. marks: None
+    where nothing is marked. camera: the perspective camera's matrix (3, 3) in pixels of the region, None for parallel
+    rays. Normals are in the camera frame.
+    """
+
+    clusters: Clusters
+    mask: np.ndarray
+    initial: np.ndarray
+    marks: Marks | None
+    camera: np.ndarray | None
+
+
+def load_view(results: CaptureResults) -> LabelledView:
+    """Load the view from what the stages before have saved."""
+    return LabelledView(
+        load_clusters(results),
+        results.load("mask").read("mask"),
+        results.load("silhouette").read("initial"),
+        load_marks(results),
+        load_geometry(results).region_camera,
+    )
+
+
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
-    clusters = load_clusters(inputs)
-    result = reconstruct(
-        clusters,
-        inputs.load("mask").read("mask"),
-        inputs.load("silhouette").read("initial"),
-        load_marks(inputs),
-        inputs.parameters,
-        inputs.parameters_of("silhouette"),
-        camera=load_geometry(inputs).region_camera,
-        readmission=has_readmission(inputs.field("pose")),
-    )
+    view, readmission = load_view(inputs), has_readmission(inputs.field("pose"))
+    result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
-    doubt = _light_doubt(inputs, clusters, result.labels)
-    camera = _camera_doubt(inputs, clusters, result.labels)
-    nz = np.where(mask.read("mask"), result.normals[..., 2], 1.0)
+    doubt = _light_doubt(inputs, view.clusters, result.labels)
+    camera = _camera_doubt(inputs, view.clusters, result.labels)
+    nz = np.where(view.mask, result.normals[..., 2], 1.0)
     spheres_sd = spheres_error(load_geometry(inputs).spheres, nz)
     lights_sd = np.full(half_vector_sd.shape, doubt.half_vector_sd)
     shared_sd = combined_error([half_vector_sd, spheres_sd, camera.half_vector_sd, lights_sd])
@@ -112,26 +130,26 @@ def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -
 
 
 def reconstruct(
-    clusters: Clusters,
-    mask: np.ndarray,
-    initial: np.ndarray,
-    marks: Marks | None,
+    view: LabelledView,
     parameters: LabelsParameters,
     silhouette: SilhouetteParameters,
     *,
     expected: np.ndarray | None = None,
-    camera: np.ndarray | None = None,
     readmission: bool = True,
 ) -> Reconstruction:
     """Reconstruct the normals of one view by the method that `parameters` names.
 
-    expected: normals (H, W, 3) of a model of all views, for the method `sheets`. camera: the perspective camera's
-    matrix (3, 3) in pixels of the region; each pixel's normals are labelled as seen along its own ray. readmission: of
-    the method `sheets`, see `has_readmission`.
+    Under a perspective camera each pixel's normals are labelled as seen along its own ray. expected: normals (H, W, 3)
+    of a model of all views, for the method `sheets`. readmission: of the method `sheets`, see `has_readmission`.
     """
-    view = None if camera is None else view_vectors(camera, mask.shape, 0.0, 0.0)
-    expected = None if expected is None else rotate_to_view(expected, view)
-    clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
+    mask = view.mask
+    rays = None if view.camera is None else view_vectors(view.camera, mask.shape, 0.0, 0.0)
+    expected = None if expected is None else rotate_to_view(expected, rays)
+    clusters, marks, initial = (
+        faced(view.clusters, rays),
+        faced_marks(view.marks, rays),
+        rotate_to_view(view.initial, rays),
+    )
     if parameters.method == "paper":
         result = reconstruct_dual_layer(
             clusters, mask, initial, marks=marks, connectivity=parameters.edges, weight=parameters.weight
@@ -149,10 +167,10 @@ def reconstruct(
             labelling_options(parameters, silhouette, readmission),
             marks=marks,
             expected=expected,
-            camera=camera,
+            camera=view.camera,
         )
     return replace(
-        result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
+        result, normals=rotate_from_view(result.normals, rays), initial=rotate_from_view(result.initial, rays)
     )
 
 

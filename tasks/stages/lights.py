@@ -1,6 +1,8 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from glint.tasks.algorithms.lighting.coverage import (
     coverage,
     gaps_message,
 )
-from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
+from glint.tasks.algorithms.lighting.highlights import BlobLevels, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     BEFORE_OBJECT,
@@ -59,6 +61,19 @@ REFLECTION_STEP, MAX_UNTHINNED_FRAMES = 16, 640
 """Every so many-th frame of these runs is taken, in a capture of more frames than the second number; else all are."""
 
 
+@dataclass(frozen=True, slots=True)
+class _MeasuredLights:
+    """Lights of all frames, corrected for their distance.
+
+    camera: record of the camera that the spheres show, None without. light_radius: in degrees, None: unknown.
+    """
+
+    distance: DistanceResult
+    camera: Mapping[str, Any] | None = None
+    light_radius: float | None = None
+    warnings: Sequence[StageWarning] = ()
+
+
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Find half vector, light and reason of every frame.
 
@@ -67,44 +82,20 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         UnusableSphere: one shows no light; UnusableCapture: no frame has a light before the object.
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
-    if known is not None:
-        measured, camera = DistanceResult(_known(inputs, known, cache.frames), None, None, [], []), None
-        light_radius = None
-        warnings = list[StageWarning]()
+    if known is None:
+        measured = _of_spheres(inputs, geometry, cache, progress)
     else:
-        by_sphere = _by_sphere(inputs, geometry, cache, progress)
-        light_radius = _light_radius(by_sphere, geometry)
-        parameters: LightsParameters = inputs.parameters
-        measured = measure_distance(
-            by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
-        )
-        measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
-        doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
-        warnings = [*doubts, *measured.warnings]
+        measured = _MeasuredLights(DistanceResult(_known(inputs, known, cache.frames), None, None, [], []))
     before = _is_light_before_object(inputs, cache)
-    result = without_frames(measured.lights, before, BEFORE_OBJECT)
+    result = without_frames(measured.distance.lights, before, BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
             f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
-    shape = (geometry.region.height, geometry.region.width)
-    median, worst = inter_sphere_angles(result)
+    disc_sd = np.full((geometry.region.height, geometry.region.width), _disc_error(measured.light_radius))
     sweep = coverage(result.half_vectors)
-    record = {
-        "source": SPHERES if known is None else FILE,
-        "reasons": list(REASONS),
-        "coverage": {
-            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
-            "gaps": [str(gap) for gap in sweep.gaps],
-        },
-        "near_light": measured.record,
-        "camera": camera,
-        "light_radius_degrees": light_radius,
-        "spheres_error": sweep_error(geometry.spheres, result),
-        "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
-    }
     rejected = {
         f"rejected: {reason}": int((result.reason == code).sum())
         for code, reason in enumerate(REASONS)
@@ -115,13 +106,45 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "half_vectors": result.half_vectors,
             "lights": result.lights,
             "reason": result.reason,
-            "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error([np.full(shape, _disc_error(light_radius)), *measured.errors]),
+            "inverse_distance": _inverse_distance(measured.distance),
+            "half_vector_sd": combined_error([disc_sd, *measured.distance.errors]),
         },
-        record=record,
+        record=_record(measured, result, sweep, geometry, SPHERES if known is None else FILE),
         counts={"accepted": accepted, **rejected},
-        warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *warnings],
+        warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *measured.warnings],
     )
+
+
+def _of_spheres(
+    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
+) -> _MeasuredLights:
+    """Measure the lights on the spheres, their distance and the camera."""
+    by_sphere = _by_sphere(inputs, geometry, cache, progress)
+    parameters: LightsParameters = inputs.parameters
+    measured = measure_distance(by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance)
+    measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
+    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
+    return _MeasuredLights(measured, camera, _light_radius(by_sphere, geometry), [*doubts, *measured.warnings])
+
+
+def _record(
+    measured: _MeasuredLights, result: Lights, sweep: Coverage, geometry: CaptureGeometry, source: str
+) -> dict[str, Any]:
+    """Return the record of the lights that are kept, of their sweep, and of what was measured beside them."""
+    median, worst = inter_sphere_angles(result)
+    return {
+        "source": source,
+        "reasons": list(REASONS),
+        "coverage": {
+            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
+            "gaps": [str(gap) for gap in sweep.gaps],
+        },
+        "near_light": measured.distance.record,
+        "camera": measured.camera,
+        "light_radius_degrees": measured.light_radius,
+        "spheres_error": sweep_error(geometry.spheres, result),
+        "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
+    }
 
 
 def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
@@ -191,20 +214,12 @@ def _of_sphere(
     starts = spread_runs(cache.frames, MAX_REFLECTION_RUNS)
     sample = np.concatenate([cache.read(name, slice(start, start + LEVEL_FRAMES))[::step] for start in starts])
     static = static_background(sample, sphere, camera=camera)
+    levels = BlobLevels(parameters.peak_level, parameters.edge_level, parameters.full_level)
     blocks, covered = [], []
     for start in range(0, cache.frames, BLOCK_FRAMES):
         frames = cache.read(name, slice(start, start + BLOCK_FRAMES))
         covered.append(is_sphere_covered(frames, static.background, static.saturation, sphere))
-        block = measure_highlights(
-            frames,
-            sphere,
-            static,
-            peak_level=parameters.peak_level,
-            edge_level=parameters.edge_level,
-            full_level=parameters.full_level,
-            camera=camera,
-        )
-        blocks.append(block)
+        blocks.append(measure_highlights(frames, sphere, static, levels, camera=camera))
     lights = classify_frames(
         blocks, static, sphere, second_light_ratio=parameters.second_light_ratio, area_ratio=parameters.area_ratio
     )

@@ -7,6 +7,7 @@ with it, whether the depth follows it, and the same of bodies that are wrong: ha
 the image. With `--forced` a body is accepted although the normals do not fit it.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -24,10 +25,8 @@ from glint.tasks.algorithms.revolution.symmetry import FitLimits
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
-from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.depth import NORMAL_WEIGHT_POWER
-from glint.tasks.stages.labels import reconstruct
+from glint.tasks.stages.labels import load_view, reconstruct
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.tasks.make_context import perform_all
 
@@ -58,21 +57,14 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     """Return a line on one capture, whose results are kept in a store."""
     work = CaptureContext(str(store), "object", capture, Parameters(), "known bodies")
     perform_all(work, "clusters")
-    mask, geometry, parameters = work.load("mask").read("mask"), load_geometry(work), Parameters()
+    view, parameters = replace(load_view(work), marks=None), Parameters()
+    mask = view.mask
     assert capture.truth is not None
     truth = read_truth(capture.truth, mask.shape).depth
     assert truth is not None
     with patch.object(rotational_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
-        result = reconstruct(
-            load_clusters(work),
-            mask,
-            work.load("silhouette").read("initial"),
-            None,
-            parameters.labels,
-            parameters.silhouette,
-            camera=geometry.region_camera,
-        )
-    camera = geometry.region_camera
+        result = reconstruct(view, parameters.labels, parameters.silhouette)
+    camera = view.camera
     distance = 1.0 if camera is None else areal_focal_length(camera)
 
     def error(body: np.ndarray | None) -> tuple[str, bool]:

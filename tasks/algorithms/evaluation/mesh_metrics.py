@@ -11,6 +11,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 SURFACE_SAMPLES = 100_000
+"""Points that are sampled from either surface."""
 F_SCORE_DISTANCES = (0.005, 0.01)
 """Thresholds of the F-scores, as shares of the diagonal of the true bounding box."""
 

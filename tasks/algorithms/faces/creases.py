@@ -68,7 +68,7 @@ class Edge:
 
     @property
     def length(self) -> float:
-        """Return the length in pixels."""
+        """Length in pixels."""
         return float(np.linalg.norm(self.end - self.start))
 
     def strip(self, along: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -153,15 +153,15 @@ def crease_residual(along: np.ndarray, first: np.ndarray, second: np.ndarray) ->
 
 
 @dataclass(frozen=True, slots=True)
-class Polyhedron:
-    """Observed flat faces of an object, their straight edges, and the radius in pixels with which these are rounded."""
+class ObservedFaces:
+    """Flat faces that showed the light, their straight edges, and the radius in pixels with which these are rounded."""
 
     faces: list[Face]
     edges: list[Edge]
     rounding: float
 
     @classmethod
-    def of(cls, faces: list[Face], mask: np.ndarray, inradius: float) -> "Polyhedron":
+    def of(cls, faces: list[Face], mask: np.ndarray, inradius: float) -> "ObservedFaces":
         """Return faces with their edges; mask: (H, W) bool; inradius: of the mask, in pixels."""
         edges = face_edges(faces, mask, inradius)
         return cls(faces, edges, rounding_radius(edges, faces, inradius))

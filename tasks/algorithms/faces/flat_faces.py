@@ -6,7 +6,7 @@ import numpy as np
 
 from glint.tasks.algorithms.faces.creases import (
     SILHOUETTE,
-    Polyhedron,
+    ObservedFaces,
     crease_direction,
     crease_residual,
     creases,
@@ -101,13 +101,13 @@ def flat_faces(
     result = FlatFaces.none(mask.shape)
     for face in refuted:
         result.refuted[face.pixels] = face.normal
-    solid = Polyhedron.of(faces, mask, inradius)
+    observed = ObservedFaces.of(faces, mask, inradius)
     known = np.isfinite(accepted[..., 0]) & np.isnan(result.refuted[..., 0])
-    for unseen in unseen_faces(solid, known, field, mask, inradius):
+    for unseen in unseen_faces(observed, known, field, mask, inradius):
         result.normals[unseen.pixels] = unseen.normal
         result.weights[unseen.pixels] = UNSEEN_WEIGHT
         result.spread[unseen.pixels] = unseen.spread
-    for face, residual in reversed(list(zip(faces, _crease_residuals(solid), strict=True))):
+    for face, residual in reversed(list(zip(faces, _crease_residuals(observed), strict=True))):
         result.normals[face.hull] = face.normal
         result.weights[face.hull] = FACE_WEIGHT
         result.observed[face.hull] = True
@@ -152,9 +152,9 @@ def _tested(
     return kept, [face for face, failed in zip(faces, fails, strict=True) if failed]
 
 
-def _crease_residuals(solid: Polyhedron) -> list[float]:
+def _crease_residuals(observed: ObservedFaces) -> list[float]:
     """Return the RMS residual of each face's creases with other faces, NaN with fewer than two independent ones."""
-    faces, between = solid.faces, creases(solid.edges)
+    faces, between = observed.faces, creases(observed.edges)
     result = []
     for number, face in enumerate(faces):
         own = [(pair, along) for pair, along in between.items() if number in pair]

@@ -19,10 +19,9 @@ FLAT_DEG = 1.0
 """Degrees within which normals count as equal: twice the error of a candidate of two thousand frames."""
 FACE_DEG = 1.5
 """Degrees from a face's normal within which a connected pixel belongs to it."""
-WINDOW_INRADII = 0.06
-"""Radius in inradii of the window whose normals equal the one in its middle; a surface as curved as the object turns
-by 3.4 degrees on that length."""
-MIN_WINDOW_PX = 2
+WINDOW_INRADII, MIN_WINDOW_PX = 0.06, 2
+"""Radius in inradii of the window whose normals equal the one in its middle, and at least, in pixels; a surface as
+curved as the object turns by 3.4 degrees on that length."""
 WINDOW_SAMPLES = 12
 """Pixels along the window's radius that are compared at most; of more, every n-th."""
 MIN_WINDOW_SHARE = 0.6

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, Polyhedron, image_points
+from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, ObservedFaces, image_points
 from glint.tasks.algorithms.faces.observed_faces import Face
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import depth_inside
@@ -57,7 +57,7 @@ class UnseenFace:
 
 
 def unseen_faces(
-    observed: Polyhedron, known: np.ndarray, field: np.ndarray, mask: np.ndarray, inradius: float
+    observed: ObservedFaces, known: np.ndarray, field: np.ndarray, mask: np.ndarray, inradius: float
 ) -> list[UnseenFace]:
     """Estimate the faces behind the edges of observed ones.
 
@@ -108,7 +108,7 @@ def _behind_edges(group: list[Edge], unseen: np.ndarray, inradius: float) -> np.
     return result
 
 
-def _rounded(group: list[Edge], observed: Polyhedron, face: UnseenFace) -> np.ndarray:
+def _rounded(group: list[Edge], observed: ObservedFaces, face: UnseenFace) -> np.ndarray:
     """Return the pixels (H, W) bool of a face that belong to its rounded edges: there n_x, n_y are linear across."""
     points = image_points(face.pixels)
     rounded = np.zeros(len(points), bool)

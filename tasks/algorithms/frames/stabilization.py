@@ -35,14 +35,14 @@ MAX_REFERENCES = 3
 """References to which all frames are registered, one after the other."""
 MIN_REFERENCE_FRAMES = 5
 """Registered frames from which on their median is a reference."""
-MAX_GAUSS_NEWTON_STEPS = 8
+MAX_GAUSS_NEWTON_STEPS, CONVERGED_STEP_PX = 8, 0.01
+"""Limit of the steps that refine a translation, and the step from which on it has settled."""
 STILL_AGREEMENT = 0.8
 """Share of the blocks with structure that agree on a frame's having stood still, without a search farther off."""
 MAX_SHIFT_PX = 16
 """Largest translation that the search in whole pixels covers."""
 CLIPPED_NOISE_RATIO = 3.0
 """Noise levels to which differences are clipped, so that a highlight does not decide a block."""
-CONVERGED_STEP_PX = 0.01
 
 
 @dataclass(frozen=True, slots=True)

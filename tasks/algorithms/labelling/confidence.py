@@ -18,6 +18,7 @@ from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 
 TOLERANCE_RAD = np.radians(5.0)
+"""Error, radians, up to which a normal counts as right."""
 NEIGHBOURHOOD_LOGIT = (2.5, 4.5, -1.2, -5.5)
 """Logit of an observed normal being right by its neighbourhood: constant, then cover, roughness, curl."""
 SHEET_LOGIT = (3.85, -0.45, -0.6, 0.6, -1.05)

@@ -2,7 +2,8 @@
 
 A false sheet can be smooth, and once it is accepted the field follows it, so that each seems to confirm the other.
 Therefore a whole sheet is held out at a time and predicted from the occluding contour and all remaining sheets
-(leave-one-out cross-validation with sheets as folds). The paper has no such test.
+(leave-one-out cross-validation with sheets as folds). Where a true sheet ends, a false one that crosses it can carry it
+on, so that residual and evidence count within a window, not over the whole sheet. The paper has no such test.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,8 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
+SHEET_WINDOW_INRADII = 0.1
+"""Standard deviation of the window over which residual and evidence of a sheet are averaged, in inradii."""
 MIN_HELD_OUT_SHARE = 0.004
 """Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
 SMALL_SHEET_RESIDUAL = 2.0
@@ -33,6 +36,7 @@ MAX_RESIDUAL_DEG = 20.0
 def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
     view, sheets = state.view, segment_sheets(state.values)
+    window = max(SHEET_WINDOW_INRADII * view.inradius, 1.0)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
 
     # Without a ceiling, a sheet far from all else is not blamed for a poor prediction.
@@ -41,11 +45,12 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     def predict(kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return state.solve_field(kept, state.values, view.coarse), error.spread(kept | view.rim, view.inradius)
 
-    residual = held_out_residual(sheets, state.values, state.known, view.mask, predict)
+    residual = held_out_residual(sheets, state.values, state.known, view.mask, window, predict)
     # What is seen through a face that flashed does not show how often false candidates are accepted.
     shown = np.isfinite(view.normals[..., 0]) & ~state.seen_through
     odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
-    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, view.inradius, odds)
+    means = sheet_means(sheets, evidence, window)
+    observed = sheet_confidence(state.values, means, residual, view.inradius, odds)
     if state.solid is not None:
         observed = observed * solid_confidence(state.values, state.solid.normals)
     observed = state.with_marks(observed * place_confidence(normals))
@@ -61,6 +66,7 @@ def held_out_residual(
     normals: np.ndarray,
     known: np.ndarray,
     mask: np.ndarray,
+    window: float,
     predict: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
     """Compute each sheet's held-out (leave-one-out) residual: its mean angle to the field of all remaining data.
@@ -70,19 +76,23 @@ def held_out_residual(
         normals: (H, W, 3) accepted normals.
         known: (H, W) bool, accepted normals of the field.
         mask: (H, W) bool, the object.
+        window: standard deviation of the window over which a sheet's angles are averaged, in pixels.
         predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels,
             and to its expected error (H, W), radians.
 
     Returns:
-        (H, W), in units of the field's expected error at the sheet's distance from the remaining data;
+        (H, W), in units of the field's mean expected error at that distance from the remaining data;
         SMALL_SHEET_RESIDUAL for small sheets, NaN outside sheets.
     """
-    result = np.where(sheets >= 0, SMALL_SHEET_RESIDUAL, np.nan)
+    angle, expected = np.zeros(sheets.shape), np.zeros(sheets.shape)
     sizes = np.bincount(sheets[sheets >= 0])
-    for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
+    held_out = np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1))
+    for sheet in held_out:
         withheld = sheets == sheet
-        kept = known & ~withheld
-        field, spread = predict(kept)
-        residual = np.minimum(angles(field[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
-        result[withheld] = residual.mean() / np.degrees(spread[withheld]).mean()
-    return result
+        field, spread = predict(known & ~withheld)
+        angle[withheld] = np.minimum(angles(field[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
+        expected[withheld] = np.degrees(spread[withheld])
+    is_held_out = np.isin(sheets, held_out)
+    large = np.where(is_held_out, sheets, -1)
+    residual = sheet_means(large, angle, window) / sheet_means(large, expected, window)
+    return np.where(is_held_out, residual, np.where(sheets >= 0, SMALL_SHEET_RESIDUAL, np.nan))

@@ -31,6 +31,7 @@ AXES: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = MappingPro
 )
 """Changes of x and y of the given lights, by name: the conventions of other programs."""
 AS_GIVEN, OPPOSITE = "as given", "x and y negated"
+"""Names of the axes that nothing changes, and of those that turn the normals by half a turn."""
 SILHOUETTE_ERROR_DEG = 15.0
 """Standard deviation in degrees of exterior normals about the field from the occluding contour."""
 MIN_AXES_RATIO = 1.1

@@ -89,17 +89,17 @@ def settle(
     *,
     expected: np.ndarray | None = None,
     camera: np.ndarray | None = None,
-    draft: bool = False,
+    is_draft: bool = False,
 ) -> Alternation:
     """Label the candidates until the labels settle: what `explain` goes on from.
 
     Args:
-        draft: whether to save time by a coarser field; for the rest see `reconstruct_normals`.
+        is_draft: whether to save time by a coarser field; for the rest see `reconstruct_normals`.
 
     Raises:
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
     """
-    view = CandidateView.of(clusters, mask, options, camera=camera, is_draft=draft)
+    view = CandidateView.of(clusters, mask, options, camera=camera, is_draft=is_draft)
     if expected is not None and not np.isfinite(expected[mask]).all():
         raise ValueError("the expected normals leave pixels of the mask out")
     state = Alternation(view, options, expected)

@@ -15,6 +15,7 @@ LARGE_BLOB_PX, CORE_EDGE_LEVEL = 150.0, 0.8
 soft boundary for subpixel accuracy."""
 
 MAX_TRIM_ITERATIONS = 20
+"""Limit of the iterations in which a blob's centre and area settle without its glare."""
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ MIN_SPACING_PX, SPACING_RATIO = 0.5, 0.01
 """Distance of samples along a ray: at least so many pixels, and at least this share of the radius."""
 OUTER_GAP_PX = 3.0
 """Distance outside an edge at which evidence counts against it: samples reach so much farther than the contours."""
-LOGARITHM_OFFSET, GRADIENT_SIGMA_PX = 4.0, 0.8
+LOG_OFFSET, GRADIENT_SIGMA_PX = 4.0, 0.8
 """Level, of 8 bits, that keeps noise in the dark from counting, and standard deviation of the smoothing."""
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
@@ -119,7 +119,7 @@ def log_gradient(image: np.ndarray) -> LogGradient:
 
     The image is in levels of 8 bits.
     """
-    logarithm = np.log(image.astype(np.float32) + np.float32(LOGARITHM_OFFSET))
+    logarithm = np.log(image.astype(np.float32) + np.float32(LOG_OFFSET))
     smooth = cv2.GaussianBlur(logarithm, (0, 0), GRADIENT_SIGMA_PX)
     gradient = np.stack([cv2.Sobel(smooth, cv2.CV_32F, *axes, scale=0.125) for axes in ((1, 0), (0, 1))])
     return LogGradient(gradient, max(float(np.median(np.hypot(*gradient))), MIN_GRADIENT_FLOOR))

@@ -17,12 +17,15 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 
 BACKGROUND_RADIUS_RATIO = 0.75
 """Radius, as a share of the sphere's, within which the light's highlight and noise are measured."""
-MIN_FRAMES_FOR_PERCENTILE = 6
-"""Frames from which on the background is a percentile; fewer give their minimum."""
+BACKGROUND_PERCENTILE, MIN_FRAMES_FOR_PERCENTILE = 30.0, 6
+"""Percentile of a pixel's levels that is its background, below the median since a hand-held light lingers, and frames
+from which on it is used; fewer give their minimum."""
 MIN_HEADROOM_RATIO = 0.15
 """Share of the saturation level by which the background must stay below it, or the pixel counts as occluded."""
 CONTOUR_TOLERANCE = 1.05
 """Radius, as a share of the sphere's, up to which pixels are read: highlights at the contour extend beyond it."""
+TRIM_RATIO = 1.3
+"""Radius about a blob's centre, in radii of a disc of its area, beyond which pixels are glare."""
 MIN_OBLIQUE_SINE, MIN_OBLIQUE_FRAMES = 0.4, 8
 """Sine of the angle between view and normal from which a highlight's axes differ enough to tell the light's size, and
 number of such frames without which it stays unknown."""
@@ -48,6 +51,22 @@ class StaticBackground:
 
 
 @dataclass(frozen=True, slots=True)
+class BlobLevels:
+    """Levels of a blob between the background (0) and saturation (1).
+
+    peak: it exceeds this level somewhere (upper hysteresis threshold). edge: it is connected above this level (lower
+    hysteresis threshold). full: a pixel's weight rises from 0 at `edge` to 1 here, which makes the boundary subpixel.
+    """
+
+    peak: float = 0.6
+    edge: float = 0.25
+    full: float = 0.75
+
+
+DEFAULT_LEVELS = BlobLevels()
+
+
+@dataclass(frozen=True, slots=True)
 class Highlights:
     """Bright blobs of T frames, B per frame.
 
@@ -62,16 +81,13 @@ class Highlights:
     spread: np.ndarray
 
 
-def static_background(
-    sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0, camera: np.ndarray | None = None
-) -> StaticBackground:
+def static_background(sample: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> StaticBackground:
     """Estimate the static reflections of a sphere.
 
     Args:
         sample: frames (S, h, w) uint8 or uint16, spread evenly over the capture. One frame has no static part, fewer
             than six give their minimum.
         sphere: in the frames' pixels.
-        percentile: of each pixel's levels; below the median, since a hand-held light lingers.
         camera: see `measure_highlights`.
 
     Raises:
@@ -86,7 +102,7 @@ def static_background(
     elif len(frames) < MIN_FRAMES_FOR_PERCENTILE:
         background = frames.min(axis=0).astype(np.float32)
     else:
-        background = np.percentile(frames, percentile, axis=0).astype(np.float32)
+        background = np.percentile(frames, BACKGROUND_PERCENTILE, axis=0).astype(np.float32)
     inside = _reflections(sphere, frames.shape[1:], camera)[0] < BACKGROUND_RADIUS_RATIO
     if not inside.any():
         raise UnusableCapture("the sphere lies outside its frames", LIGHT_REMEDY)
@@ -101,29 +117,22 @@ def measure_highlights(
     frames: np.ndarray,
     sphere: Sphere,
     static: StaticBackground,
+    levels: BlobLevels = DEFAULT_LEVELS,
     *,
-    peak_level: float = 0.6,
-    edge_level: float = 0.25,
-    full_level: float = 0.75,
-    trim_ratio: float = 1.3,
     camera: np.ndarray | None = None,
 ) -> Highlights:
     """Measure the bright blobs on a sphere in a block of frames.
 
-    Levels count from the background (0) to saturation (1). Under an orthographic camera every pixel of a chrome sphere
-    reflects the same solid angle of the surroundings (4 / radius^2 steradians). The weighted mean of the directions
-    that the pixels reflect is therefore the light's centre, without bias from the sphere's distortion, and the light
-    covers the same area wherever it is. Under a perspective camera this holds approximately. Blur adds a bias, see
-    `without_blur`.
+    Under an orthographic camera every pixel of a chrome sphere reflects the same solid angle of the surroundings
+    (4 / radius^2 steradians). The weighted mean of the directions that the pixels reflect is therefore the light's
+    centre, without bias from the sphere's distortion, and the light covers the same area wherever it is. Under a
+    perspective camera this holds approximately. Blur adds a bias, see `without_blur`.
 
     Args:
         frames: (T, h, w) uint8 or uint16.
         sphere: in the frames' pixels.
         static: from `static_background`.
-        peak_level: a blob exceeds this level somewhere (upper hysteresis threshold).
-        edge_level: a blob is connected above this level (lower hysteresis threshold).
-        full_level: a pixel's weight rises from 0 at `edge_level` to 1 here, which makes the boundary subpixel.
-        trim_ratio: radius about a blob's centre, in radii of a disc of its area, beyond which pixels are glare.
+        levels: by which blobs are segmented and their pixels weighted.
         camera: perspective camera's matrix (3, 3) in the frames' pixels, whose every pixel has its own view vector.
 
     Raises:
@@ -137,7 +146,7 @@ def measure_highlights(
     occluded = headroom < MIN_HEADROOM_RATIO * static.saturation
     unread = occluded | (sine > CONTOUR_TOLERANCE)
     gain = np.where(unread, 0.0, 1.0 / np.maximum(headroom, 1e-6)).astype(np.float32)
-    peaks = np.where(unread, np.float32(np.inf), static.background + peak_level * headroom).astype(np.float32)
+    peaks = np.where(unread, np.float32(np.inf), static.background + levels.peak * headroom).astype(np.float32)
     total, area, hidden, spread = measure_blobs(
         frames,
         static.background,
@@ -145,9 +154,9 @@ def measure_highlights(
         peaks,
         occluded & (sine <= CONTOUR_TOLERANCE),
         directions,
-        edge_level,
-        full_level,
-        trim_ratio,
+        levels.edge,
+        levels.full,
+        TRIM_RATIO,
     )
     return Highlights(unit(total).astype(np.float32), area, hidden / np.maximum(area, 1.0), spread)
 

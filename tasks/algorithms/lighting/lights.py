@@ -8,7 +8,6 @@ has it as a candidate normal. A long video is processed in blocks: `static_backg
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -49,8 +48,6 @@ MAX_OCCLUDED_FRACTION = 0.25
 """Share of a highlight that static reflections or the crop's edge may hide before its centre is ambiguous."""
 MAX_AREA_FRACTION = 0.25
 """Share of the disc of lights before the object beyond which a highlight's area is ambiguous."""
-
-
 USUAL_LIGHT_DEG, SIZE_STEP_DEG = 9.9, 7.0
 """Angular radius that the spheres show of a light for which discs and rings of half vectors were chosen, and how much
 more of one of twice the size: as it is fainter, less of it is bright (`python -m tests.benchmarks.light_sizes`)."""
@@ -153,25 +150,21 @@ def without_frames(lights: Lights, rejected: np.ndarray, reason: int) -> Lights:
     )
 
 
-def find_lights(frames: np.ndarray, sphere: Sphere, **parameters: Any) -> Lights:
+def find_lights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> Lights:
     """Find the lights of frames (T, h, w) uint8 or uint16, cropped around a sphere given in the crop's pixels.
 
-    Args:
-        frames: of one sphere.
-        sphere: in the frames' pixels.
-        **parameters: of `static_background`, `measure_highlights` and `classify_frames`, by name.
+    camera: see `measure_highlights`.
 
     Raises:
         UnusableCapture: no frame shows a light.
     """
     steps = np.unique(np.linspace(0, len(frames) - 1, min(BACKGROUND_FRAMES, len(frames))).round().astype(int))
-    static = static_background(frames[steps], sphere, **_subset(parameters, "percentile", "camera"))
-    measuring = _subset(parameters, "peak_level", "edge_level", "full_level", "trim_ratio", "camera")
+    static = static_background(frames[steps], sphere, camera=camera)
     blocks = [
-        measure_highlights(frames[start : start + BLOCK_FRAMES], sphere, static, **measuring)
+        measure_highlights(frames[start : start + BLOCK_FRAMES], sphere, static, camera=camera)
         for start in range(0, len(frames), BLOCK_FRAMES)
     ]
-    return classify_frames(blocks, static, sphere, **_subset(parameters, "second_light_ratio", "area_ratio"))
+    return classify_frames(blocks, static, sphere)
 
 
 def inter_sphere_angles(lights: Lights) -> tuple[float, float]:
@@ -221,7 +214,3 @@ def _lights(
         area.astype(np.float32),
         inter_sphere_angle,
     )
-
-
-def _subset(parameters: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: parameters[name] for name in names if name in parameters}

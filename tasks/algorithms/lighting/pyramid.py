@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from glint.tasks.algorithms.lighting.circles import LogGradient, log_gradient
+from glint.tasks.algorithms.lighting.circles import LOG_OFFSET, LogGradient, log_gradient
 
 MIN_LEVEL_RADIUS_PX, MAX_LEVEL_RADIUS_PX = 18.0, 44.0
 """Radii searched on a pyramid level, in its pixels; larger spheres are found on coarser levels."""
@@ -21,9 +21,6 @@ USUAL_PERCENTILE = 75.0
 """Percentile of a pixel's levels that a passing light exceeds, but not the table under a light that stays high."""
 DEVIATION_LEVELS = 200.0
 """Levels that stand for a standard deviation of one in log levels."""
-
-LOG_OFFSET = 4.0
-"""Level added before the logarithm, so that noise in the dark does not count."""
 SMOOTHING_PX = 0.7
 """Standard deviation in pixels by which frames are smoothed before they are sampled."""
 

@@ -30,6 +30,7 @@ from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, is_
 from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
 
 MAX_SPHERES = 8
+"""Most spheres of a capture, the best ones."""
 SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 128
 """Frames, spread over the capture, in which spheres are sought, and by which candidates and then spheres are
 measured."""
@@ -41,6 +42,7 @@ SEED_CENTRE_RATIO = 0.12
 """Distance of a sphere's centre from that of a seed along x and y, in radii: seen obliquely, what ends inside the
 contour is not concentric."""
 SEED_RAYS = 32
+"""Rays from a seed along which contours are sought."""
 MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTOUR_CONTRAST = 0.08

@@ -52,6 +52,7 @@ MAX_SHADING_CORRELATION = 0.85
 MAX_CONTRADICTION_DEG = 6.0
 """Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
 CROP_MARGIN_PX = 4
+"""Distance beyond the contour of the crop in which a circle is tested."""
 INNER_DISC_RATIO, RING_RATIOS = 0.75, (0.85, 0.97)
 """Radius, in radii of the sphere, of the disc in which highlights of lights before the object lie, and the radii of a
 ring inside the contour that they leave dark."""

@@ -37,8 +37,8 @@ PARTS = 24
 class Misplacement:
     """A contour beside its object's.
 
-    offset: of the strongest edge, pixels outward, 0 if unknown; piece: (H, W) bool,
-    the pixels of the contour that are affected.
+    offset: of the strongest edge, pixels outward, 0 if unknown; piece: (H, W) bool, the pixels of the contour that are
+    affected.
     """
 
     kind: Literal["too large", "too small"]

@@ -26,17 +26,25 @@ MIN_FLASH, MIN_FLASH_SPREADS = 1.0, 5.0
 TABLE_FLASH_QUANTILE, MIN_FLASH_QUANTILES = 0.999, 1.6
 """Quantile of the table's log flashes, and its multiple that makes a highlight where it is less: where a near light or
 the codec leaves a part of the table without any change, flashes spread, but none of the table's is large."""
+AREA_SIGMA_PX = 3.0
+"""Standard deviation of the blur, in pixels, by which an area that flashes stands out."""
+MAX_FALSE_SHARE, MIN_PIXEL_SHARE = 0.05, 0.2
+"""Share of what flashes that may be the table, and share of it that single pixels must show for areas not to count."""
+LIMIT_STEP = 0.05
+"""Step, in log ratios, in which a limit is looked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableModel:
     """mean: (H, W, 2), expected log responses (deviation, flash); covariance: (2, 2); variance: (H, W, 2), local
-    variance relative to that; flash_limit: log ratio of a flash to the table's that makes a highlight."""
+    variance relative to that; flash_limit, area_limit: log ratios of a flash to the table's that make a highlight of a
+    pixel, and of an area around it; the latter is infinite where single pixels tell the object from the table."""
 
     mean: np.ndarray
     covariance: np.ndarray
     variance: np.ndarray
     flash_limit: float
+    area_limit: float
 
     def distance(self, features: np.ndarray) -> np.ndarray:
         """Return the squared Mahalanobis distance (H, W) of log responses (H, W, 2) from the table."""
@@ -45,7 +53,8 @@ class TableModel:
 
     def flashing(self, features: np.ndarray) -> np.ndarray:
         """Return the pixels (H, W) bool that show highlights."""
-        return np.asarray(features[..., 1] - self.mean[..., 1] > self.flash_limit)
+        excess = features[..., 1] - self.mean[..., 1]
+        return np.asarray((excess > self.flash_limit) | (_of_areas(excess) > self.area_limit))
 
 
 def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) -> TableModel:
@@ -56,12 +65,10 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
         is_table: (H, W) bool, pixels of the table.
         edge: of a square of the object's area, pixels; None: unknown, so one mean holds everywhere.
     """
-    minimum = MIN_SPREAD**2 * np.eye(2)
     mean, covariance = _trimmed_normal(features[is_table])
     if edge is None:
-        means = np.broadcast_to(mean, features.shape)
-        variance, covariance = np.ones(features.shape, np.float32), covariance + minimum
-        return TableModel(means, covariance, variance, _flash_limit((features - means)[is_table], covariance))
+        means, variance = np.broadcast_to(mean, features.shape), np.ones(features.shape, np.float32)
+        return _with_limits(features, is_table, means, covariance, variance)
     sigma = max(MIN_TABLE_NEAR_PX, TABLE_NEAR_SHARE * edge)
     weight = is_table.astype(np.float32)
     wide, wide_trust = _local_mean(features, weight, max(MIN_FAR_PX, FAR_FACTOR * sigma))
@@ -72,17 +79,46 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
     covariance = _trimmed_normal(offsets[is_table])[1]
     square, _ = _local_mean(offsets**2, weight, sigma)
     variance = (near_trust * square / np.diag(covariance) + (1.0 - near_trust)).clip(1.0, MAX_LOCAL_VARIANCE)
-    covariance = covariance + minimum
-    return TableModel(means, covariance, variance, _flash_limit(offsets[is_table], covariance))
+    return _with_limits(features, is_table, means, covariance, variance)
 
 
-def _flash_limit(offsets: np.ndarray, covariance: np.ndarray) -> float:
-    """Return the log ratio of a flash to the table's that makes a highlight.
+def _with_limits(
+    features: np.ndarray, is_table: np.ndarray, means: np.ndarray, covariance: np.ndarray, variance: np.ndarray
+) -> TableModel:
+    """Return the table's model with the limits of highlights, and with the least spread.
 
-    offsets: (N, 2), log responses of the table relative to its mean; covariance: (2, 2), theirs.
+    Where the table flashes nearly as strongly as the object (under shadows' edges and caustics of a light nearby), few
+    single pixels exceed what its spread allows. But in the object flashes lie side by side.
     """
+    covariance = covariance + MIN_SPREAD**2 * np.eye(2)
+    excess = features[..., 1] - means[..., 1]
     spread = MIN_FLASH_SPREADS * float(np.sqrt(covariance[1, 1]))
-    return max(MIN_FLASH, min(spread, MIN_FLASH_QUANTILES * float(np.quantile(offsets[:, 1], TABLE_FLASH_QUANTILE))))
+    quantile = MIN_FLASH_QUANTILES * float(np.quantile(excess[is_table], TABLE_FLASH_QUANTILE))
+    flash_limit = max(MIN_FLASH, min(spread, quantile))
+    stands_out = excess > _least_limit(excess, is_table)
+    is_shown = (excess > flash_limit).sum() >= MIN_PIXEL_SHARE * stands_out.sum()
+    area_limit = np.inf if is_shown else _least_limit(_of_areas(excess), is_table)
+    return TableModel(means, covariance, variance, flash_limit, area_limit)
+
+
+def _least_limit(excess: np.ndarray, is_table: np.ndarray) -> float:
+    """Return the least limit beyond which hardly any excess (H, W) is the table's, infinite where there is none.
+
+    The table's sample, is_table (H, W) bool, shows how much of it lies beyond a limit (the false discovery rate by
+    decoys of Elias and Gygi 2007).
+    """
+    limits = np.arange(MIN_FLASH, max(float(excess.max()), MIN_FLASH), LIMIT_STEP)
+    table, everything = np.sort(excess[is_table]), np.sort(excess, axis=None)
+    table_share = 1.0 - np.searchsorted(table, limits) / len(table)
+    share = 1.0 - np.searchsorted(everything, limits) / len(everything)
+    refused = np.flatnonzero(table_share > MAX_FALSE_SHARE * share)
+    kept = limits[refused[-1] + 1 :] if len(refused) else limits
+    return float(kept[0]) if len(kept) else np.inf
+
+
+def _of_areas(excess: np.ndarray) -> np.ndarray:
+    """Return the mean excess (H, W) of the area around each pixel."""
+    return np.asarray(cv2.GaussianBlur(np.ascontiguousarray(excess), (0, 0), AREA_SIGMA_PX))
 
 
 def _trimmed_normal(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -128,6 +128,6 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
     height, width = flashing.shape
     count = int(flashing.sum())
     if count < MIN_HIGHLIGHT_PX:
-        raise UnusableCapture(f"no highlight, {count} of {free.sum()} pixels flash", MASK_REMEDY)
+        raise UnusableCapture(f"no highlight, {count} of {free.sum()} pixels flash more than the table", MASK_REMEDY)
     if count > MAX_HIGHLIGHT_SHARE * free.sum():
         raise UnusableCapture(f"{count / free.sum():.0%} of {width} x {height} pixels show a highlight", MASK_REMEDY)

@@ -50,14 +50,15 @@ def refine_mesh(
     vertices: np.ndarray,
     triangles: np.ndarray,
     steps: int = 5,
-    progress: Callable[[], None] | None = None,
+    *,
     base: float | None = None,
     is_robust: bool = False,
+    progress: Callable[[], None] | None = None,
 ) -> np.ndarray:
     """Return vertices (N, 3) after so many steps of refinement; the triangles (M, 3) stay as they are.
 
-    progress: called after each step; base: the height y of the plane on which the object stands, None: unknown;
-    is_robust: whether normals that the surface contradicts lose weight by TOLERANCE_DEG. A hull contradicts most.
+    base: the height y of the plane on which the object stands, None: unknown; is_robust: whether normals that the
+    surface contradicts lose weight by TOLERANCE_DEG (a hull contradicts most); progress: called after each step.
     """
     smoothness = _smoothness(len(vertices), triangles)
     edge = float(np.linalg.norm(vertices[triangles[:, 0]] - vertices[triangles[:, 1]], axis=1).mean())

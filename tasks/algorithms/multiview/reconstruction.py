@@ -53,7 +53,7 @@ def reconstruct_surface(
     # A hull contradicts the normals wherever it is wrong: they must all move it first.
     is_robust = bool((model.source >= 0).any())
     for _ in range(rounds):
-        vertices = refine_mesh(views, vertices, triangles, steps, advance, base, is_robust)
+        vertices = refine_mesh(views, vertices, triangles, steps, base=base, is_robust=is_robust, progress=advance)
         is_robust = True
         vertices, triangles = poisson_reconstruction(vertices, vertex_normals(vertices, triangles), model.cell)
     return with_confidence(views, vertices, triangles, model.cell)

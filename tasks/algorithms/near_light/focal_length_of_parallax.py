@@ -22,6 +22,7 @@ of the radius each, explain less."""
 MAX_ACROSS_RATIO = 0.35
 """Ratio of their difference across the baseline to that along it, beyond which a sphere is wrong and not the camera."""
 SECANT_STEPS = 4
+"""Steps of the secant method."""
 
 
 def focal_length_of_parallax(

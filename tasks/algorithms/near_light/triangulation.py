@@ -31,6 +31,7 @@ MIN_PARALLAX_DEG = 0.3
 MIN_TANGENT_NZ = 0.2
 """Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 GAUSS_NEWTON_STEPS = 6
+"""Steps in which one distance of all frames and the rotations are solved."""
 ALTERNATIONS = 4
 """Times that a varying distance and the rotations are fitted in turn."""
 MAX_INVERSE_DISTANCE_SPAN = 1.5

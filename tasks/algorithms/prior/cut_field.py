@@ -5,7 +5,7 @@ from scipy import sparse
 
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
 from glint.tasks.algorithms.geometry.distance import inradius_of
-from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
+from glint.tasks.algorithms.prior.smooth_normals import CURVATURES, SLOPES, SmoothNormalField, Stencil
 
 
 def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_length: float) -> SmoothNormalField:
@@ -20,7 +20,7 @@ def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_len
     missing = [(0, grid.nodes.shape[axis] - mask.shape[axis]) for axis in (0, 1)]
     cuts = {(0, 1): np.pad(right, missing), (1, 0): np.pad(down, missing)}
 
-    def form(*stencil: tuple[int, int, float]) -> sparse.csr_matrix:
+    def form(stencil: Stencil) -> sparse.csr_matrix:
         """Return the sum of squares of a difference wherever all its nodes exist and no edge between them is cut."""
         offsets = [(row, column) for row, column, _ in stencil]
         complete = np.all([_moved(grid.nodes, *offset, -1) >= 0 for offset in offsets], axis=0)
@@ -35,11 +35,10 @@ def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_len
         difference = sparse.csr_matrix((values, (rows, columns)), shape=(count, grid.count))
         return difference.T @ difference
 
-    tension, mixed = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2, 2.0**0.5
-    smoothness = tension * (form((0, 0, -1.0), (0, 1, 1.0)) + form((0, 0, -1.0), (1, 0, 1.0)))
-    smoothness = smoothness + form((0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0))
-    smoothness = smoothness + form((-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0))
-    smoothness = smoothness + form((0, 0, mixed), (0, 1, -mixed), (1, 0, -mixed), (1, 1, mixed))
+    tension = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2
+    smoothness = tension * sum(form(stencil) for stencil in SLOPES)
+    for stencil in CURVATURES:
+        smoothness = smoothness + form(stencil)
     return SmoothNormalField(grid, smoothness.tocsc())
 
 

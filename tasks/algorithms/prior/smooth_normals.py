@@ -28,8 +28,16 @@ THICKNESS_LEVELS = 12
 MIN_DIAGONAL = 1e-9
 """Added to the matrix's diagonal, so that components without any known normal stay solvable."""
 
-Stencil = list[tuple[int, int, float]]
+Stencil = tuple[tuple[int, int, float], ...]
 """Finite difference: row offset, column offset and coefficient of each node."""
+SLOPES: tuple[Stencil, ...] = (((0, 0, -1.0), (0, 1, 1.0)), ((0, 0, -1.0), (1, 0, 1.0)))
+"""Differences whose squares are the membrane's energy |grad n|^2."""
+CURVATURES: tuple[Stencil, ...] = (
+    ((0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0)),
+    ((-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)),
+    ((0, 0, 2**0.5), (0, 1, -(2**0.5)), (1, 0, -(2**0.5)), (1, 1, 2**0.5)),
+)
+"""Differences whose squares are the plate's energy n_xx^2 + n_yy^2 + 2 n_xy^2, on a grid of step 1."""
 
 
 def contour_normals(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,15 +126,8 @@ def smooth_normal_field(
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / max_nodes))))
     grid = BilinearGrid.over(mask, step)
     tension = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2
-    # Membrane energy |grad n|^2 and plate energy n_xx^2 + n_yy^2 + 2 n_xy^2, as finite differences.
-    first: list[Stencil] = [[(0, 0, -1.0), (0, 1, 1.0)], [(0, 0, -1.0), (1, 0, 1.0)]]
-    second: list[Stencil] = [
-        [(0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0)],
-        [(-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)],
-    ]
-    mixed: Stencil = [(0, 0, 2**0.5), (0, 1, -(2**0.5)), (1, 0, -(2**0.5)), (1, 1, 2**0.5)]
-    smoothness = sum(tension * _quadratic_form(grid.nodes, stencil) for stencil in first)
-    smoothness = smoothness + sum(_quadratic_form(grid.nodes, stencil) for stencil in [*second, mixed]) / step**2
+    smoothness = sum(tension * _quadratic_form(grid.nodes, stencil) for stencil in SLOPES)
+    smoothness = smoothness + sum(_quadratic_form(grid.nodes, stencil) for stencil in CURVATURES) / step**2
     return SmoothNormalField(grid, smoothness.tocsc())
 
 

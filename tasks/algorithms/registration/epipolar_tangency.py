@@ -6,7 +6,7 @@ Averaged over all rays it measures silhouette coherence (Hernandez, Schmitt and 
 Calibration under Circular Motion, TPAMI 2007).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,27 @@ class SilhouetteRays:
             is_nearest = self.nearest_view == number
             distances[is_nearest] = _silhouette_distance(view, points[is_nearest])
         return distances / pixel_sizes[:, None]
+
+    def derivatives(
+        self,
+        views_at: Callable[[np.ndarray], Sequence[View]],
+        unknowns: np.ndarray,
+        step: float,
+        pixel_sizes: np.ndarray,
+    ) -> np.ndarray:
+        """Return the derivatives (V * R, U) of the robust residuals by U unknowns at which the rays were traced.
+
+        views_at(unknowns): the views that follow from them; step: of the central differences; pixel_sizes: as above.
+        """
+        slope = robust_residuals(self.distance)[1]
+        columns = []
+        for change in step * np.eye(len(unknowns)):
+            # The deepest points stay on their rays to first order, so they need not be searched again.
+            forward, backward = (
+                self.distances(views_at(unknowns + sign * change), pixel_sizes) for sign in (1.0, -1.0)
+            )
+            columns.append(slope * (forward - backward).ravel() / (2 * step))
+        return np.stack(columns, axis=1)
 
 
 def trace_silhouette_rays(views: Sequence[View], rays_per_view: int = RAYS_PER_VIEW) -> SilhouetteRays:

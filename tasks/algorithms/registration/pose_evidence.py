@@ -72,7 +72,7 @@ def pose_evidence(views: Sequence[View], table: Turntable | None) -> PoseEvidenc
     own = left_out_misfits(views) if alternatives else unknown
     ratios = [(log_ratio(own, left_out_misfits(posed)), description) for description, posed in alternatives]
     least, alternative = min(ratios, default=(np.inf, None))
-    turns = unknown if least < MIN_LOG_RATIO else best_turns(views, table is not None)
+    turns = unknown if least < MIN_LOG_RATIO else best_turns(views, is_on_table=table is not None)
     return PoseEvidence(least, alternative, turns)
 
 
@@ -102,22 +102,24 @@ def log_ratio(misfits: np.ndarray, alternative: np.ndarray) -> float:
 
 
 def best_turns(views: Sequence[View], is_on_table: bool) -> np.ndarray:
-    """Return the degrees (V,) from its pose at which each view fits a model of all others best.
+    """Return the `best_turn` (V,) of each view, in degrees."""
+    return np.array([best_turn(views, number, is_on_table) for number in range(len(views))])
 
-    is_on_table: whether the views stand on a turntable, so that they turn about its axis alone, the world's y axis;
-    otherwise they turn about the axes of their image, through the model's centre.
+
+def best_turn(views: Sequence[View], number: int, is_on_table: bool) -> float:
+    """Return the degrees from its pose at which a view, by its number, fits a model of all others best.
+
+    is_on_table: whether the views stand on a turntable, so that it turns about its axis alone, the world's y axis;
+    otherwise it turns about the axes of its image, through the model's centre.
     """
-    turns = np.zeros(len(views))
-    for number, view in enumerate(views):
-        model = coarse_model([*views[:number], *views[number + 1 :]])
-        fitter = PoseFitter(view, model)
-        axes = np.array([[0.0, 1.0, 0.0]]) if is_on_table else view.rotation[:2]
-        centre = np.zeros(3) if is_on_table else model.vertices.mean(axis=0)
-        turns[number] = max((_best_turn(fitter, axis, centre) for axis in axes), key=abs)
-    return turns
+    view, model = views[number], coarse_model([*views[:number], *views[number + 1 :]])
+    fitter = PoseFitter(view, model)
+    axes = np.array([[0.0, 1.0, 0.0]]) if is_on_table else view.rotation[:2]
+    centre = np.zeros(3) if is_on_table else model.vertices.mean(axis=0)
+    return max((_turn_about(fitter, axis, centre) for axis in axes), key=abs)
 
 
-def _best_turn(fitter: PoseFitter, axis: np.ndarray, centre: np.ndarray) -> float:
+def _turn_about(fitter: PoseFitter, axis: np.ndarray, centre: np.ndarray) -> float:
     """Return the degrees of the best turn of a view about an axis (3,), world, unit, through a centre (3,)."""
     view = fitter.view
 

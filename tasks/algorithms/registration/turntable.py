@@ -30,6 +30,8 @@ LEANS_TO_CAMERA_DEG = (0.0, 25.0, -25.0)
 """Leans of the axis from which it is fitted first: cameras look down on turntables."""
 ANGLE_ERROR_DEG, LEAN_ERROR_DEG = 1.0, 4.0
 """Standard deviation of the given angles, and of the axis from upright, in degrees."""
+AXIS_ERRORS = np.array([np.inf, LEAN_ERROR_DEG, LEAN_ERROR_DEG])
+"""Standard deviations of the axis's offset, which has no prior, and of its leans in degrees."""
 STEP_ERROR = 0.02
 """Relative standard deviation of the turntable's step, where an error is sought that all given angles share."""
 MIN_STEP_DEVIATIONS, MAX_STEP_DEVIATIONS = 1.5, 3.0
@@ -54,6 +56,16 @@ class Turntable:
     lean_to_camera: float
     lean_right: float
     angles: np.ndarray
+
+    def changed(self, changes: np.ndarray, offset_unit: float) -> "Turntable":
+        """Return the turntable with changes (3 + K,) of its offset, in `offset_unit`, of its leans and its angles."""
+        offset, to_camera, right = changes[:3].tolist()
+        return Turntable(
+            self.offset + offset * offset_unit,
+            self.lean_to_camera + to_camera,
+            self.lean_right + right,
+            self.angles + changes[3:],
+        )
 
     def pose(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Return rotation (3, 3) and translation (3,), world to camera, of view `number`."""
@@ -185,23 +197,19 @@ def _calibrate(
     matrix, vector = (np.zeros((0, on_table)), np.zeros(0)) if normals is None else normals.residuals()
     # Views with a pose of their own do not turn.
     matrix = matrix[:, :on_table]
-    # The offset has no prior.
-    prior_weight = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR_DEG), precision])
+    prior_weight = np.concatenate([1.0 / AXIS_ERRORS, precision])
     prior_mean = np.concatenate([[0.0, -start.lean_to_camera, -start.lean_right], free @ (given_angles - start.angles)])
 
     def turntable(unknowns: np.ndarray) -> Turntable:
-        offset, lean_to_camera, lean_right = unknowns[:3].tolist()
-        return Turntable(
-            start.offset + offset * percent,
-            start.lean_to_camera + lean_to_camera,
-            start.lean_right + lean_right,
-            start.angles + unknowns[3:] @ free,
-        )
+        return start.changed(np.append(unknowns[:3], unknowns[3:] @ free), percent)
+
+    def views_at(unknowns: np.ndarray) -> list[View]:
+        return views_on_turntable(views, turntable(unknowns))
 
     # The solver evaluates residuals and derivatives at the same unknowns, one after the other.
     @lru_cache(maxsize=1)
     def rays_at(*unknowns: float) -> SilhouetteRays:
-        return trace_silhouette_rays(views_on_turntable(views, turntable(np.array(unknowns))), CALIBRATION_RAYS)
+        return trace_silhouette_rays(views_at(np.array(unknowns)), CALIBRATION_RAYS)
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         angle_changes = unknowns[3:] @ free
@@ -210,18 +218,9 @@ def _calibrate(
         return np.concatenate([robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        rays = rays_at(*unknowns.tolist())
-        slope = robust_residuals(rays.distance)[1]
-        columns = []
-        for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
-            # The deepest points stay on their rays to first order, so they need not be searched again.
-            forward, backward = (
-                rays.distances(views_on_turntable(views, turntable(unknowns + sign * step)), pixel_sizes)
-                for sign in (1.0, -1.0)
-            )
-            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
+        silhouette_rows = rays_at(*unknowns.tolist()).derivatives(views_at, unknowns, DIFFERENCE_STEP, pixel_sizes)
         normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
-        return np.vstack([np.stack(columns, axis=1), np.diag(prior_weight), normal_rows])
+        return np.vstack([silhouette_rows, np.diag(prior_weight), normal_rows])
 
     solution = least_squares(
         residuals, np.zeros(len(prior_weight)), jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4

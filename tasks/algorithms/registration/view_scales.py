@@ -21,8 +21,8 @@ from glint.tasks.algorithms.registration.epipolar_tangency import (
 )
 from glint.tasks.algorithms.registration.turntable import (
     ANGLE_ERROR_DEG,
+    AXIS_ERRORS,
     DIFFERENCE_STEP,
-    LEAN_ERROR_DEG,
     MAX_EVALUATIONS,
     Turntable,
     views_on_turntable,
@@ -61,36 +61,24 @@ def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
     # Unknowns: percent of the scales, then percent of the object's size, and degrees, of the turntable.
     start, errors = np.zeros(len(free)), np.full(len(free), 100.0 * SCALE_ERROR)
     if table is not None:
-        start = np.append(start, np.zeros(3 + on_table))
-        errors = np.concatenate([errors, [np.inf], np.full(2, LEAN_ERROR_DEG), np.full(on_table, ANGLE_ERROR_DEG)])
+        start = np.append(start, np.zeros(len(AXIS_ERRORS) + on_table))
+        errors = np.concatenate([errors, AXIS_ERRORS, np.full(on_table, ANGLE_ERROR_DEG)])
 
-    def at(unknowns: np.ndarray) -> list[View]:
-        result = list(views)
+    def views_at(unknowns: np.ndarray) -> list[View]:
+        rescaled = list(views)
         for number, percent in zip(free, unknowns, strict=False):
-            result[number] = scaled(views[number], float(np.exp(percent / 100)))
+            rescaled[number] = scaled(views[number], float(np.exp(percent / 100)))
         if table is None:
-            return result
-        offset, to_camera, right = unknowns[len(free) : len(free) + 3].tolist()
-        moved = Turntable(
-            table.offset + offset * percent_of_object,
-            table.lean_to_camera + to_camera,
-            table.lean_right + right,
-            table.angles + unknowns[len(free) + 3 :],
-        )
-        return views_on_turntable(result, moved)
+            return rescaled
+        return views_on_turntable(rescaled, table.changed(unknowns[len(free) :], percent_of_object))
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
-        distances = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS).distance
+        distances = trace_silhouette_rays(views_at(unknowns), CALIBRATION_RAYS).distance
         return np.concatenate([robust_residuals(distances)[0], unknowns / errors])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        rays = trace_silhouette_rays(at(unknowns), CALIBRATION_RAYS)
-        slope = robust_residuals(rays.distance)[1]
-        columns = []
-        for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
-            forward, backward = (rays.distances(at(unknowns + sign * step), sizes) for sign in (1.0, -1.0))
-            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
-        return np.vstack([np.stack(columns, axis=1), np.diag(1.0 / errors)])
+        rays = trace_silhouette_rays(views_at(unknowns), CALIBRATION_RAYS)
+        return np.vstack([rays.derivatives(views_at, unknowns, DIFFERENCE_STEP, sizes), np.diag(1.0 / errors)])
 
     solution = least_squares(residuals, start, jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4)
     factors[free] = np.exp(solution.x[: len(free)] / 100)

@@ -19,6 +19,7 @@ REACH = 4
 """Cells to each side at which it ends."""
 GAUSSIAN = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SIGMA_CELLS) ** 2)
 GAUSSIAN /= GAUSSIAN.sum()
+"""Its weights (2 REACH + 1,), which sum to 1."""
 
 
 @njit(cache=True, nogil=True)

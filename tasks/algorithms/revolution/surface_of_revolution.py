@@ -91,7 +91,7 @@ class SurfaceOfRevolution:
 
     @property
     def facing(self) -> int:
-        """Return which end faces the camera: 1 the upper one, -1 the lower one, 0 neither."""
+        """Which end faces the camera: 1 the upper one, -1 the lower one, 0 neither."""
         body = self.heights[self.squared_radii > 0.0]
         if len(body) == 0:
             return 0

@@ -1,8 +1,10 @@
 """Segment accepted normals into connected sheets."""
 
 import numpy as np
-from scipy import sparse
+from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
+
+from glint.tasks.algorithms.geometry.blur import gaussian_blur
 
 SHEET_STEP_DEG = 5.0
 """Angle up to which neighbouring normals belong to one sheet."""
@@ -32,11 +34,25 @@ def segment_sheets(normals: np.ndarray, max_turn_deg: float = SHEET_STEP_DEG) ->
     return sheets
 
 
-def sheet_means(sheets: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Average values (H, W) over each pixel's sheet (H, W): (H, W), NaN outside sheets; a NaN value counts as 0."""
-    inside = sheets >= 0
+def sheet_means(sheets: np.ndarray, values: np.ndarray, sd: float) -> np.ndarray:
+    """Average values over the part of each pixel's sheet that lies in a Gaussian window around the pixel.
+
+    Args:
+        sheets: (H, W) int, numbers of the sheets from 0, -1 outside.
+        values: (H, W); NaN counts as 0.
+        sd: standard deviation of the window, in pixels.
+
+    Returns:
+        (H, W), NaN outside sheets. Sheets no longer than the window are averaged as wholes.
+    """
+    inside, filled = sheets >= 0, np.nan_to_num(values)
     numbers = sheets[inside]
-    sums = np.bincount(numbers, np.nan_to_num(values[inside]))
     result = np.full(sheets.shape, np.nan)
-    result[inside] = (sums / np.maximum(np.bincount(numbers), 1))[numbers]
+    result[inside] = (np.bincount(numbers, filled[inside]) / np.maximum(np.bincount(numbers), 1))[numbers]
+    for number, box in enumerate(ndimage.find_objects(sheets + 1)):
+        if box is None or max(side.stop - side.start for side in box) <= 2.0 * sd:
+            continue
+        sheet = sheets[box] == number
+        weight, total = gaussian_blur(sheet, sd), gaussian_blur(np.where(sheet, filled[box], 0.0), sd)
+        result[box][sheet] = total[sheet] / weight[sheet]
     return result

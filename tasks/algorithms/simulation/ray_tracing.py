@@ -17,9 +17,11 @@ from glint.tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, Solid
 REFRACTIVE_INDEX = 1.5
 """Refractive index of the glass, relative to air."""
 MAX_BOUNCES = 9
+"""Most surfaces that a path meets."""
 MIN_PATH_WEIGHT = 0.004
 """Weight, as a share of the ray's, below which a path is abandoned."""
 CHROME_REFLECTANCE = 0.9
+"""Share of the light that a chrome sphere reflects."""
 RAY_START_PX = 1e4
 """Height z in pixels at which parallel rays start."""
 SURFACE_OFFSET_PX = 2e-3

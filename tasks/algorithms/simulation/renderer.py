@@ -24,7 +24,9 @@ LOBE_REACH_RADII = 2.4
 BIN_SIZE_DEG = 2.0
 """Edge of the bins of directions."""
 GAMMA = 1.0 / 2.2
+"""Exponent of the camera's levels over irradiance."""
 CURVE_STEPS = 4096
+"""Steps of the table of that curve: near black, where it is steepest, one is six levels."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
 """Shapes of simulated objects: closed glass surfaces, y up, scaled to fill the object's region in the frame.
 
-After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), other glasses,
-figurines, and solids of flat faces.
-Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
+After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses): other glasses, figurines, and
+solids of flat faces. Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
 from collections.abc import Callable, Sequence

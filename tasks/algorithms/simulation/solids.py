@@ -16,6 +16,7 @@ MESH_STEP = 0.8
 SEGMENT_LENGTH = 1.2
 """Length of a mesh segment round the axis of a surface of revolution, at its largest radius."""
 MIN_SEGMENTS, MAX_SEGMENTS = 96, 720
+"""Bounds of the segments round the axis."""
 
 
 @dataclass(frozen=True, slots=True)

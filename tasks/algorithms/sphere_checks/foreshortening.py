@@ -34,6 +34,12 @@ RADIUS_RATIO_SD = 0.3
 sweep any radius fits."""
 MAX_LOG_RATIO = 0.7
 """Largest logarithm of the ratio of the two radii."""
+MAX_SKEW_RATIO, MAX_MISFIT_RATIO = 0.12, 0.07
+"""How far shapes may be from round at the centre, and how oblong without an explanation, in variances of the image
+there. Of 90 spheres under round lights all have at most 0.06 and 0.05; lights of 1.3 times their height that are held
+in seven ways have more of one or the other, unless they always point to the line of sight or lie across it."""
+NOISE_RATIO = 1.5
+"""Noise of how oblong shapes are, in that of their sizes: 0.3 to 1.6 under round lights."""
 MIN_NOISE = 0.01
 """Lower bound of the noise of second moments, in square pixels."""
 MARGIN_PX = 6
@@ -72,7 +78,9 @@ class ShapeCircle:
 
 
 def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> ShapeCircle | None:
-    """Measure a sphere's centre and the largest radius it may have by the shapes of its highlights; None: too few show.
+    """Measure a sphere's centre and the largest radius it may have by the shapes of its highlights.
+
+    None where too few show, or those of a light that is not round.
 
     Args:
         frames: (T, H, W) uint8, spread over the capture.
@@ -99,10 +107,11 @@ def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarr
 
 
 def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | None:
-    """Return the centre at which shapes are those that a mirror sphere shows; None: there are too few.
+    """Return the centre at which shapes are those that a mirror sphere shows of a round light.
 
-    Its standard deviation is that of the jackknife over sectors about the circle's centre (Quenouille 1956): a light
-    that is not round, and an object that the sphere mirrors, mislead all shapes of one side.
+    None where there are too few, or where they are not those of a round light: how an oblong one is held can shift the
+    centre without a trace. Its standard deviation is that of the jackknife over sectors about the circle's centre
+    (Quenouille 1956): an object that the sphere mirrors misleads all shapes of one side.
     """
     distance = np.hypot(shapes.x - sphere.x, shapes.y - sphere.y)
     shapes = shapes.only(distance < MAX_RADIUS_RATIO * sphere.radius)
@@ -112,14 +121,16 @@ def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | N
     sector = np.minimum((SECTORS * turn).astype(int), SECTORS - 1)
     if len(sector) - np.bincount(sector).max() < MIN_OTHER_SHAPES:
         return None
-    x, y, log_ratio = _fitted(shapes, sphere)
-    fits = np.array([_fitted(shapes.only(sector != left), sphere) for left in range(SECTORS)])
-    variances = (SECTORS - 1) * fits.var(axis=0)
+    whole = _fitted(shapes, sphere)
+    if whole.skew > MAX_SKEW_RATIO or whole.misfit > MAX_MISFIT_RATIO:
+        return None
+    fits = [_fitted(shapes.only(sector != left), sphere) for left in range(SECTORS)]
+    variances = (SECTORS - 1) * np.var([(fit.x, fit.y, fit.log_ratio) for fit in fits], axis=0)
     return ShapeCircle(
-        x,
-        y,
+        whole.x,
+        whole.y,
         float(np.sqrt(variances[:2].mean())),
-        sphere.radius * float(np.exp(log_ratio)),
+        sphere.radius * float(np.exp(whole.log_ratio)),
         float(np.sqrt(variances[2])),
     )
 
@@ -152,9 +163,24 @@ def expected_moments(
     )
 
 
-def _fitted(shapes: HighlightShapes, sphere: Sphere) -> tuple[float, float, float]:
-    """Return the centre x, y of the sphere whose highlights have the given shapes, and the logarithm of its radius in
-    radii of the circle, by robust least squares."""
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A sphere and a light by the shapes of highlights.
+
+    x, y: centre, in pixels; log_ratio: logarithm of the radius in radii of the circle; skew: of the image at the
+    centre, and misfit: deviation of how oblong shapes are that neither the fit nor their noise explains, both in
+    variances of that image.
+    """
+
+    x: float
+    y: float
+    log_ratio: float
+    skew: float
+    misfit: float
+
+
+def _fitted(shapes: HighlightShapes, sphere: Sphere) -> _Fit:
+    """Return the sphere and the light whose highlights have the given shapes, by robust least squares."""
     trace = shapes.moments[:, 0] + shapes.moments[:, 2]
     usual = float(np.median(trace))
     # A trace has twice the noise of a moment.
@@ -172,7 +198,12 @@ def _fitted(shapes: HighlightShapes, sphere: Sphere) -> tuple[float, float, floa
     upper = [sphere.x + reach, sphere.y + reach, MAX_LOG_RATIO, most, most, most]
     start = [sphere.x, sphere.y, 0.0, 0.4 * usual, 0.0, 0.0]
     fit = least_squares(residuals, start, bounds=(lower, upper), loss="soft_l1")
-    return float(fit.x[0]), float(fit.x[1]), float(fit.x[2])
+    x, y, log_ratio, size, level_skew, cross_skew = (float(value) for value in fit.x)
+    xx, xy, yy = (fit.fun[:-1].reshape(shapes.moments.shape) / weights).T
+    oblong = robust_deviation(np.concatenate([(xx - yy) / 2.0, xy]))
+    scatter = NOISE_RATIO * robust_deviation((xx + yy) / 2.0)
+    size, unexplained = max(size, MIN_NOISE), float(np.sqrt(max(oblong**2 - scatter**2, 0.0)))
+    return _Fit(x, y, log_ratio, float(np.hypot(level_skew, cross_skew)) / size, unexplained / size)
 
 
 def _shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:

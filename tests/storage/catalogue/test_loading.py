@@ -4,7 +4,7 @@ import errno
 import os
 import pickle
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,6 +14,7 @@ from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.loading import Catalogue, CatalogueError, load, parameters_for, write
 from glint.storage.catalogue.models import RESERVED_IDS
 from glint.storage.errors import InputError
+from tests.storage.catalogue.complete import COMPLETE
 
 HEAD = "schema: 1\nname: test\nobjects:\n"
 ONE = "  - id: glass\n    captures:\n      - id: front\n        frames: front.mp4\n"
@@ -57,31 +58,28 @@ def _only(folder: Path, text: str | bytes, model: type[BaseModel] | None = None)
     return diagnostic
 
 
+def _keys_left_out(model: BaseModel) -> set[str]:
+    """Return the keys, CLASS.key, that nothing in a catalogue gives."""
+    given, known = set[str](), set[str]()
+
+    def visit(value: Any) -> None:
+        if isinstance(value, BaseModel):
+            kind = type(value)
+            known.update(f"{kind.__name__}.{name}" for name in kind.model_fields)
+            given.update(f"{kind.__name__}.{name}" for name in value.model_fields_set)
+            for name in kind.model_fields:
+                visit(getattr(value, name))
+        elif isinstance(value, tuple):
+            for entry in value:
+                visit(entry)
+
+    visit(model)
+    return known - given
+
+
 def test_everything_a_catalogue_can_say(tmp_path: Path) -> None:
-    text = """
-schema: 1
-name: glassware
-parameters: {lights: {seed: 0.25}}
-objects:
-  - id: wine-glass
-    truth_model: truth/model.ply
-    captures:
-      - id: front
-        frames: front.mp4
-        spheres: [{x: 344, y: 126.5, radius: 42.0, diameter_mm: 25.0}]
-        camera: {matrix: [[900, 0, 320], [0, 900, 240], [0, 0, 1]]}
-        region: {x: 16, y: 16, width: 251, height: 221}
-        mask: ../masks/front.png
-        markup: s3://bucket/markup.json
-        pose: {turntable: 30}
-        pixel_size: 0.21
-        truth: front/truth
-      - id: back
-        frames: /absolute/img_*.png
-        lights: lights.lp
-        pose: {camera_to_world: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]}
-"""
-    catalogue = _read(tmp_path, text, _Parameters)
+    catalogue = _read(tmp_path, COMPLETE, _Parameters)
+    assert _keys_left_out(catalogue) == set()
     front, back = catalogue.object("wine-glass").captures
     assert front.frames == str(tmp_path / "front.mp4")
     assert front.mask == str(tmp_path.parent / "masks" / "front.png")

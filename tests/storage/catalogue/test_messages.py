@@ -11,32 +11,9 @@ from ruamel.yaml import YAML
 from glint.storage.catalogue.loading import CatalogueError
 from glint.storage.catalogue.writing import yaml_text
 from glint.tasks.engine.references import load_catalogue
+from tests.storage.catalogue.complete import COMPLETE
 
-COMPLETE: dict[str, Any] = YAML(typ="safe").load("""
-schema: 1
-name: glassware
-parameters: {thresholds: {threshold: 0.7}}
-objects:
-- id: vase
-  truth_model: model.ply
-  parameters: {labels: {rounds: 3}}
-  captures:
-  - id: front
-    frames: front.mp4
-    spheres: [{x: 3.0, y: 4.0, radius: 40.0, diameter_mm: 25.0}]
-    camera: {matrix: [[2900.0, 0.0, 959.5], [0.0, 2900.0, 539.5], [0.0, 0.0, 1.0]]}
-    region: {x: 1, y: 2, width: 30, height: 40}
-    mask: mask.png
-    markup: markup.json
-    pose: {turntable: 30.0}
-    pixel_size: 0.2
-    truth: truth
-    parameters: {depth: {rounds: 4}}
-  - id: shots
-    frames: shots.mp4
-    lights: lights.lp
-    pose: {camera_to_world: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
-""")
+CONTENT: dict[str, Any] = YAML(typ="safe").load(COMPLETE)
 NONSENSE = ("", "x" * 5000, -1.5, 1e300, float("nan"), True, ["a"], {"q": 1})
 FOREIGN = ("dictionary", "tuple", "instance of", "pattern", "fix the value")
 """Words that are no answer to somebody who writes a catalogue."""
@@ -51,12 +28,12 @@ def fields(content: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str
         yield from fields(content[key], (*path, key))
 
 
-@pytest.mark.parametrize("path", fields(COMPLETE), ids=lambda path: ".".join(map(str, path)))
+@pytest.mark.parametrize("path", list(fields(CONTENT)), ids=lambda path: ".".join(map(str, path)))
 def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path: Path) -> None:
     # An entry of a matrix may be named by the matrix, which is wrong as a whole.
     names = [str(step) for step in path if isinstance(step, str)]
     for value in NONSENSE:
-        content = copy.deepcopy(COMPLETE)
+        content = copy.deepcopy(CONTENT)
         place: Any = content
         for step in path[:-1]:
             place = place[step]

@@ -200,23 +200,6 @@ def test_unwritable_store(simulated: Path, tmp_path: Path) -> None:
     assert "file" in str(caught.value) and caught.value.remedy
 
 
-def test_full_disk(simulated: Path, tmp_path: Path) -> None:
-    """A small store says that it is full, keeps what was acknowledged, and goes on when there is room."""
-    place = tmp_path / "small"
-    place.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], capture_output=True)
-    if made.returncode != 0:
-        pytest.skip("needs the right to mount a small file system")
-    try:
-        with pytest.raises(StoreError, match="space"):
-            perform_all(make_context(simulated, place / "store"))
-        subprocess.run(["mount", "-o", "remount,size=200m", str(place)], check=True)
-        records = perform_all(make_context(simulated, place / "store"))
-        assert records[0].cached and not records[-1].cached
-    finally:
-        subprocess.run(["umount", "-l", str(place)], check=False)
-
-
 def test_killed_in_the_middle_goes_on(simulated: Path, tmp_path: Path) -> None:
     """A process that dies without a word after its third stage leaves three stages done."""
     script = (

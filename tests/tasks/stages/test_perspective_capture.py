@@ -8,6 +8,7 @@ import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.storage.catalogue.models import Camera
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.pipeline import STAGES
@@ -25,22 +26,30 @@ def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate("hemisphere", tmp_path_factory.mktemp("near"), options).catalogue
 
 
-def judged(catalogue: Path, store: Path, **changed: object) -> tuple[Evaluation, list[StageRecord]]:
-    work = make_context(catalogue, store, **changed)
-    records = perform_all(work)
+def judged(work: CaptureContext) -> Evaluation:
     found = evaluate(work, NAMES)
     assert found is not None
-    return found, records
+    return found
 
 
-def test_a_near_camera_needs_its_matrix_and_is_told_without(near: Path, tmp_path: Path) -> None:
-    given, records = judged(near, tmp_path / "store")
-    without, told = judged(near, tmp_path / "without", camera=None)
+@pytest.fixture(scope="module")
+def seen(near: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[CaptureContext, list[StageRecord]]:
+    """The capture with its matrix, all stages performed; to be read only."""
+    work = make_context(near, tmp_path_factory.mktemp("near-store") / "store")
+    return work, perform_all(work)
+
+
+def test_a_near_camera_needs_its_matrix_and_is_told_without(
+    near: Path, seen: tuple[CaptureContext, list[StageRecord]], tmp_path: Path
+) -> None:
+    unknown = make_context(near, tmp_path / "without", camera=None)
+    told = perform_all(unknown)
+    given, without = judged(seen[0]), judged(unknown)
     assert given.method("glint").whole_mask.mean < 2.5 < 5.0 < without.method("glint").whole_mask.mean
     assert given.depth is not None and without.depth is not None
     assert given.depth.relative < 0.003 and 2 * given.depth.relative < without.depth.relative
     assert given.confident_right_share > 0.95
-    assert not any(warning.cause == "camera" for record in records for warning in record.warnings)
+    assert not any(warning.cause == "camera" for record in seen[1] for warning in record.warnings)
     assert any("camera: {matrix" in warning.message for record in told for warning in record.warnings)
     assert without.confident_share < 0.05
 
@@ -51,17 +60,16 @@ def test_normals_contradict_the_matrix_of_another_lens(near: Path, tmp_path: Pat
     assert camera is not None
     (focal, skew, x), (_, _, y), _ = camera.matrix
     wrong = Camera(matrix=((factor * focal, skew, x), (0.0, factor * focal, y), (0.0, 0.0, 1.0)))
-    result, records = judged(near, tmp_path / "store", camera=wrong)
+    records = perform_all(make_context(near, tmp_path / "store", camera=wrong), "labels")
     (warning,) = [warning for record in records for warning in record.warnings if warning.cause == "camera"]
     assert f"a focal length of {factor * focal:.0f} pixels" in warning.message and "this resolution" in warning.message
-    assert result.confident_share < 0.05
+    assert records[-1].counts["confident share"] < 0.05
 
 
 def test_a_principal_point_beside_the_frame_s_middle_is_doubted_unless_normals_confirm_the_matrix(
-    near: Path, tmp_path: Path
+    seen: tuple[CaptureContext, list[StageRecord]],
 ) -> None:
-    work = make_context(near, tmp_path / "store")
-    perform_all(work, "labels")
+    work, _ = seen
     geometry, normals = load_geometry(work), work.load("labels").read("normals")
     assert geometry.camera is not None
     cropped = replace(geometry, camera=geometry.camera - np.array([[0, 0, 60], [0, 0, 0], [0, 0, 0]]))

@@ -25,3 +25,20 @@ def test_highlights_stand_out_from_every_part_of_the_table(low: float, high: flo
     flashing = fit_table(features, is_border, None).flashing(features)
     assert flashing[is_object].all()
     assert not flashing[~is_object].any()
+
+
+def test_areas_tell_the_object_where_the_table_flashes_nearly_as_strongly() -> None:
+    generator = np.random.default_rng(1)
+    features, is_border, is_object = responses(0.0, 0.0)
+    features[..., 1] += generator.normal(0.0, 0.7, (SIZE, SIZE))
+    features[is_object, 1] = generator.normal(2.0, 0.5, int(is_object.sum()))
+    table = fit_table(features, is_border, None)
+    assert (features[is_object, 1] > table.flash_limit).mean() < 0.01
+    flashing = table.flashing(features)
+    assert flashing[32:48, 32:48].all()
+    assert flashing[~is_object].mean() < 0.01
+
+
+def test_areas_do_not_count_where_single_pixels_tell() -> None:
+    features, is_border, _ = responses(0.0, 0.0)
+    assert np.isinf(fit_table(features, is_border, None).area_limit)

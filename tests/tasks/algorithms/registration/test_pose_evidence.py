@@ -2,9 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.registration.pose_evidence import PoseEvidence, log_ratio, pose_evidence
+from glint.tasks.algorithms.registration.pose_evidence import (
+    MAX_BEST_TURN_DEG,
+    PoseEvidence,
+    best_turn,
+    log_ratio,
+    pose_evidence,
+)
 from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
 from tests.tasks.algorithms.multiview.figurine import body, views_of
 
@@ -21,11 +28,18 @@ def evidence_at(views: list[View], angles: np.ndarray) -> PoseEvidence:
     return pose_evidence(views_on_turntable(views, table), table)
 
 
-@pytest.mark.long
-def test_right_poses_are_confirmed(views: list[View]) -> None:
-    evidence = evidence_at(views, ANGLES)
-    assert evidence.is_sufficient and evidence.better_alternative is None
+@pytest.mark.slow
+def test_right_matrices_are_confirmed(views: list[View]) -> None:
+    """Right angles of a turntable are, see `test_pose_doubts`."""
     assert pose_evidence(views, None).is_sufficient
+
+
+@pytest.mark.long
+def test_a_view_fits_best_where_it_stood_before_its_matrix_was_turned(views: list[View]) -> None:
+    assert abs(best_turn(views, 2, is_on_table=False)) <= 3.0
+    about_y = Rotation.from_euler("y", 10.0, degrees=True).as_matrix()
+    turned = [*views[:2], views[2].with_pose(about_y @ views[2].rotation, about_y @ views[2].translation), views[3]]
+    assert abs(best_turn(turned, 2, is_on_table=False)) > MAX_BEST_TURN_DEG
 
 
 @pytest.mark.long
@@ -36,7 +50,7 @@ def test_a_turntable_that_turned_the_other_way_is_contradicted(views: list[View]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_a_wrong_angle_is_not_confirmed(views: list[View], number: int) -> None:
     evidence = evidence_at(views, ANGLES + 10.0 * (np.arange(4) == number))
     assert not evidence.is_sufficient

@@ -22,7 +22,15 @@ def test_diagonal_neighbours_belong_together_and_nothing_is_no_sheet() -> None:
 def test_means_are_those_of_each_sheet() -> None:
     sheets = segment_sheets(two_sheets())
     values = np.where(np.arange(60)[None] < 30, 2.0, np.nan) * np.ones((40, 1))
-    means = sheet_means(sheets, values)
-    assert means[20, 5] == 2.0
-    assert means[20, 50] == 0.0
-    assert np.isnan(means[0, 0])
+    for sd in (2.0, 100.0):
+        means = sheet_means(sheets, values, sd)
+        np.testing.assert_allclose(means[20, [5, 25]], 2.0, rtol=1e-6)
+        np.testing.assert_allclose(means[20, [35, 50]], 0.0, atol=1e-6)
+        assert np.isnan(means[0, 0])
+
+
+def test_means_of_a_long_sheet_are_those_of_its_parts() -> None:
+    sheets, values = np.zeros((10, 100), int), np.where(np.arange(100) < 50, 3.0, -1.0) * np.ones((10, 1))
+    means = sheet_means(sheets, values, 5.0)
+    np.testing.assert_allclose(means[5, [10, 90]], [3.0, -1.0], atol=1e-3)
+    np.testing.assert_allclose(sheet_means(sheets, values, 60.0), 1.0)

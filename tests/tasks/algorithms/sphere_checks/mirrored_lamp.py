@@ -17,8 +17,17 @@ def lamps(count: int, reach_deg: float = 80.0) -> np.ndarray:
     return np.stack([sine * np.cos(turn), sine * np.sin(turn), z], axis=1)
 
 
-def mirrored_lamp(sphere: Sphere, directions: np.ndarray, *, width_ratio: float = 1.0) -> np.ndarray:
-    """Frames (T, H, W) uint8 under lamps (T, 3); width_ratio: width over height of the lamp, which stays upright."""
+def mirrored_lamp(
+    sphere: Sphere,
+    directions: np.ndarray,
+    *,
+    width_ratio: float = 1.0,
+    upward: tuple[float, float, float] = (0.0, 1.0, 0.0),
+) -> np.ndarray:
+    """Frames (T, H, W) uint8 under lamps (T, 3).
+
+    width_ratio: width over height of the lamp; upward: direction towards which its height points.
+    """
     offsets = (np.arange(RAYS * SIZE_PX) + 0.5) / RAYS - 0.5
     nx, ny = (offsets[None, :] - sphere.x) / sphere.radius, (sphere.y - offsets[:, None]) / sphere.radius
     nx, ny = np.broadcast_arrays(nx, ny)
@@ -28,7 +37,7 @@ def mirrored_lamp(sphere: Sphere, directions: np.ndarray, *, width_ratio: float 
     noise = np.random.default_rng(0).normal(0.0, 1.0, (len(directions), SIZE_PX, SIZE_PX))
     frames = []
     for direction, grain in zip(directions, noise, strict=True):
-        across = np.cross([0.0, 1.0, 0.0], direction)
+        across = np.cross(upward, direction)
         across /= np.linalg.norm(across)
         up = np.cross(direction, across)
         radius = np.sin(np.radians(LAMP_RADIUS_DEG))

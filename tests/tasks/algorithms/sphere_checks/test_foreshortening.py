@@ -50,10 +50,10 @@ def test_blur_widens_the_bound_of_the_radius_and_leaves_the_centre() -> None:
         assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 0.01 * TRUTH.radius
 
 
-def test_an_upright_lamp_that_is_not_round_moves_the_centre_no_farther_than_it_says() -> None:
-    shapes = circle_of_highlights(mirrored_lamp(TRUTH, lamps(120), width_ratio=1.3), TRUTH)
-    assert shapes is not None
-    assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 3.0 * np.hypot(shapes.sd, 0.01 * TRUTH.radius)
+@pytest.mark.parametrize("upward", [(0.0, 1.0, 0.0), (0.1, 1.0, 0.3), (1.0, 0.4, 0.0), (0.0, 0.7, 0.7)])
+def test_an_oblong_lamp_says_nothing(upward: tuple[float, float, float]) -> None:
+    lamp = mirrored_lamp(TRUTH, lamps(120), width_ratio=1.3, upward=upward)
+    assert circle_of_highlights(lamp, TRUTH) is None
 
 
 def test_half_a_sweep_says_how_little_it_knows(frames: np.ndarray) -> None:
