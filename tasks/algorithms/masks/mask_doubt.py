@@ -99,14 +99,15 @@ def mask_objections(
         edges: (H, W) bool, pixels along the edge of the frame, or of a region that was cut out of it.
     """
     contour = outermost_pixels(mask) | (mask & edges)
+    inverted = [] if estimated else _inverted(mask)
     if not contour.any():
-        return []
+        return inverted
     distance = signed_distance(mask)
     edge = float(np.sqrt(mask.sum()))
     table = _table(distance, edge, free)
     rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
     flash = _highlights(rise, table)
-    objections = _cut_off(mask, contour, edges) if estimated else _inverted(mask) or _cut_off(mask, contour, edges)
+    objections = inverted or _cut_off(mask, contour, edges)
     images = edge_image(background, table), edge_image(rise, table)
     evidence = ContourEvidence.of(contour, distance, images, free, edge)
     shift = misplacement(evidence, flash)

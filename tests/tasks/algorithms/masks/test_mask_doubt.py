@@ -117,6 +117,10 @@ def test_an_inverted_mask_and_one_of_the_whole_picture_are_told_from_an_object_a
         assert "corners" in {objection.kind for objection in objections}
         assert "cut" not in {objection.kind for objection in objections}
         assert np.median(doubt_of(mask, objections)[mask]) > 0.05
+    whole, none = np.ones_like(disc.mask), np.zeros_like(disc.mask)
+    levels = disc.frames.max(axis=0)
+    (objection,) = mask_objections(whole, levels, levels, free=whole, estimated=False, edges=none)
+    assert objection.kind == "corners", "a region inside the frame has no edge of the picture"
     wide = disc.mask.copy()
     wide[:, : wide.shape[1] // 2] = True
     assert "corners" not in {objection.kind for objection in objections_to(disc, wide)}
