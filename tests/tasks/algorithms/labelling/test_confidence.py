@@ -1,7 +1,9 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.labelling.confidence import (
     MAX_ACCEPTED_ODDS,
+    OWN_ERROR_DEG,
     accepted_log_odds,
     field_confidence,
     field_error_slope,
@@ -9,6 +11,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     place_confidence,
     probability_within_tolerance,
     sheet_confidence,
+    with_input_doubt,
 )
 
 
@@ -91,6 +94,18 @@ def test_a_place_within_a_pixel_is_no_doubt_of_planes_and_beyond_the_object() ->
     half = plane(20)
     half[:, 10:] = np.nan
     assert place_confidence(half).min() > 1.0 - 1e-6
+
+
+def test_an_error_that_half_vectors_share_adds_to_the_normals_own() -> None:
+    generator = np.random.default_rng(2)
+    own, shared = np.radians(OWN_ERROR_DEG), np.radians(1.7)
+    errors = np.linalg.norm(generator.normal(0.0, own, (200_000, 2)), axis=1)
+    both = np.linalg.norm(generator.normal(0.0, np.hypot(own, shared), (200_000, 2)), axis=1)
+    expected = 0.97 * (both < np.radians(5.0)).mean() / (errors < np.radians(5.0)).mean()
+    confidence = with_input_doubt(np.full(1, 0.97), np.full(1, shared), np.zeros(1))
+    assert confidence[0] == pytest.approx(expected, abs=0.003)
+    assert with_input_doubt(np.full(1, 0.97), np.zeros(1), np.zeros(1))[0] == pytest.approx(0.97)
+    assert with_input_doubt(np.full(1, 0.97), np.zeros(1), np.full(1, 0.5))[0] == pytest.approx(0.485)
 
 
 def test_the_slope_is_that_of_the_held_out_blocks() -> None:
