@@ -100,7 +100,7 @@ def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarr
         x, y, _ = virtual.project_back(centre.x, centre.y, sphere.radius)
         return replace(centre, x=x, y=y)
     try:
-        shapes = _shapes(frames, sphere)
+        shapes = highlight_shapes(frames, sphere)
     except UnusableCapture:
         return None
     return circle_of_shapes(shapes, sphere)
@@ -121,10 +121,10 @@ def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | N
     sector = np.minimum((SECTORS * turn).astype(int), SECTORS - 1)
     if len(sector) - np.bincount(sector).max() < MIN_OTHER_SHAPES:
         return None
-    whole = _fitted(shapes, sphere)
+    whole = fit_shapes(shapes, sphere)
     if whole.skew > MAX_SKEW_RATIO or whole.misfit > MAX_MISFIT_RATIO:
         return None
-    fits = [_fitted(shapes.only(sector != left), sphere) for left in range(SECTORS)]
+    fits = [fit_shapes(shapes.only(sector != left), sphere) for left in range(SECTORS)]
     variances = (SECTORS - 1) * np.var([(fit.x, fit.y, fit.log_ratio) for fit in fits], axis=0)
     return ShapeCircle(
         whole.x,
@@ -164,8 +164,8 @@ def expected_moments(
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
-    """A sphere and a light by the shapes of highlights.
+class ShapeFit:
+    """Sphere and light by the shapes of highlights.
 
     x, y: centre, in pixels; log_ratio: logarithm of the radius in radii of the circle; skew: of the image at the
     centre, and misfit: deviation of how oblong shapes are that neither the fit nor their noise explains, both in
@@ -179,8 +179,11 @@ class _Fit:
     misfit: float
 
 
-def _fitted(shapes: HighlightShapes, sphere: Sphere) -> _Fit:
-    """Return the sphere and the light whose highlights have the given shapes, by robust least squares."""
+def fit_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeFit:
+    """Fit the sphere and the light whose highlights have the given shapes, by robust least squares.
+
+    sphere: a circle near that of the sphere, in pixels.
+    """
     trace = shapes.moments[:, 0] + shapes.moments[:, 2]
     usual = float(np.median(trace))
     # A trace has twice the noise of a moment.
@@ -203,11 +206,15 @@ def _fitted(shapes: HighlightShapes, sphere: Sphere) -> _Fit:
     oblong = robust_deviation(np.concatenate([(xx - yy) / 2.0, xy]))
     scatter = NOISE_RATIO * robust_deviation((xx + yy) / 2.0)
     size, unexplained = max(size, MIN_NOISE), float(np.sqrt(max(oblong**2 - scatter**2, 0.0)))
-    return _Fit(x, y, log_ratio, float(np.hypot(level_skew, cross_skew)) / size, unexplained / size)
+    return ShapeFit(x, y, log_ratio, float(np.hypot(level_skew, cross_skew)) / size, unexplained / size)
 
 
-def _shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
-    """Return the shapes of the highlights on a sphere in frames (T, H, W), in their pixels."""
+def highlight_shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
+    """Measure the shapes of the highlights on a sphere in frames (T, H, W) uint8, in their pixels.
+
+    Raises:
+        UnusableCapture: no moving light shows on it.
+    """
     crop, left, top = crop_around(frames, sphere, MARGIN_PX)
     inside = sphere.in_crop(left, top)
     static = static_background(crop, inside)

@@ -22,11 +22,11 @@ def mirrored_lamp(
     directions: np.ndarray,
     *,
     width_ratio: float = 1.0,
-    upward: tuple[float, float, float] = (0.0, 1.0, 0.0),
+    upward: np.ndarray | tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> np.ndarray:
     """Frames (T, H, W) uint8 under lamps (T, 3).
 
-    width_ratio: width over height of the lamp; upward: direction towards which its height points.
+    width_ratio: width over height of the lamp; upward: direction, (3,) or (T, 3), towards which its height points.
     """
     offsets = (np.arange(RAYS * SIZE_PX) + 0.5) / RAYS - 0.5
     nx, ny = (offsets[None, :] - sphere.x) / sphere.radius, (sphere.y - offsets[:, None]) / sphere.radius
@@ -36,9 +36,8 @@ def mirrored_lamp(
     reflected = np.stack([2.0 * nz * nx, 2.0 * nz * ny, 2.0 * nz**2 - 1.0], axis=-1)
     noise = np.random.default_rng(0).normal(0.0, 1.0, (len(directions), SIZE_PX, SIZE_PX))
     frames = []
-    for direction, grain in zip(directions, noise, strict=True):
-        across = np.cross(upward, direction)
-        across /= np.linalg.norm(across)
+    for direction, across, grain in zip(directions, np.cross(np.asarray(upward), directions), noise, strict=True):
+        across = across / np.linalg.norm(across)
         up = np.cross(direction, across)
         radius = np.sin(np.radians(LAMP_RADIUS_DEG))
         lit = np.hypot(reflected @ across / width_ratio, reflected @ up) < radius
