@@ -12,6 +12,7 @@ from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 from glint.storage.frames.cache import cache_digest
 from glint.storage.frames.eviction import discard_frames
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.engine.stage import Progress
@@ -21,6 +22,8 @@ from glint.tasks.stages.frames import fill_cache
 from glint.tasks.stages.levels import LevelRecorder
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 
+MIN_FRAMES = 3
+"""Frames below which their temporal median has a pixel's highlight if one of them has it."""
 SAMPLE_BYTES = 256 << 20
 """Most bytes of frames that are held in full size."""
 
@@ -71,13 +74,19 @@ class SampleRecorder(FootageWrapper):
         """Return the sample; of frames that did not pass, in a pass of its own.
 
         Raises:
-            InputError: the video holds no frame.
+            InputError: the video holds no frame; UnusableCapture: it holds too few.
         """
         if not self.has_all:
             for _ in self.frames(step=self._step):
                 pass
         if self._peak is None:
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
+        if self._sampled < MIN_FRAMES:
+            frames = "1 frame" if self._sampled == 1 else f"{self._sampled} frames"
+            raise UnusableCapture(
+                f"{self.uri} holds {frames}, too few to tell highlights from what is always bright",
+                "film a sweep of the lamp, or take a few dozen photographs, each with the lamp elsewhere",
+            )
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
         some = eight_bits(spread(np.stack(self._kept), FIT_FRAMES))
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
@@ -85,6 +94,7 @@ class SampleRecorder(FootageWrapper):
     def _begin(self) -> None:
         self._peak: np.ndarray | None = None
         self._kept: list[np.ndarray] = []
+        self._sampled = 0
         self._reduced = FrameSample(self.height, self.width, self._expected // self._step)
 
     def _add(self, position: int, frame: np.ndarray) -> None:
@@ -92,6 +102,7 @@ class SampleRecorder(FootageWrapper):
         if position // self._step % self._interval == 0:
             self._kept.append(frame.copy())
         self._reduced.add(frame)
+        self._sampled += 1
         self._progress(position, self.count or None)
 
 

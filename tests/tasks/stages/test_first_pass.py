@@ -10,12 +10,14 @@ import pytest
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.video import Video
 from glint.storage.frames.cache import FrameCache
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.first_pass import SampleRecorder
 from glint.tasks.stages.frames import load_thumbnails, open_frames
 from glint.tasks.stages.levels import LevelRecorder, stored_levels
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
+from tests.storage.footage.videos import write_images
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -119,3 +121,12 @@ def test_the_frames_of_the_object_are_not_read_for_a_light_that_never_shows(
     monkeypatch.setattr(FrameCache, "read", counted)
     perform_all(work, "lights")
     assert crops and OBJECT not in crops
+
+
+def test_two_photographs_are_too_few(tmp_path: Path) -> None:
+    write_images(tmp_path, [np.full((40, 60), level, np.uint8) for level in (50, 90)], "{}.png")
+    with open_footage(str(tmp_path / "*.png")) as footage:
+        recorder = SampleRecorder(footage, 100, lambda done, total: None)
+        with pytest.raises(UnusableCapture, match="holds 2 frames, too few") as raised:
+            recorder.sample()
+    assert "a few dozen photographs" in str(raised.value)
