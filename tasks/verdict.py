@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from glint.storage.errors import InputError
-from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableFrames, UnusableSphere
 from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import Cause, StageWarning, by_cost
@@ -89,7 +89,7 @@ def failure_verdict(
     """
     if isinstance(error, InputError):
         return Verdict(CORRECT, error.message)
-    if stage in ("survey", "mask"):
+    if stage in ("survey", "mask") and not isinstance(error, UnusableFrames):
         return Verdict(NEEDS_SPHERE if isinstance(error, UnusableSphere) else NEEDS_MASK, error.message)
     again = Verdict(RECORD_AGAIN, error.message, "coverage" if stage == "thresholds" else OVERVIEW)
     return _again(again, warnings, given_spheres)

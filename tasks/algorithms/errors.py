@@ -16,3 +16,7 @@ class UnusableCapture(Exception):
 
 class UnusableSphere(UnusableCapture):
     """No chrome sphere shows the lights: there is none, or it lies elsewhere than is thought."""
+
+
+class UnusableFrames(UnusableCapture):
+    """The frames are too few: no correction of the inputs helps, only another recording."""

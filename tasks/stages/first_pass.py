@@ -12,7 +12,7 @@ from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 from glint.storage.frames.cache import cache_digest
 from glint.storage.frames.eviction import discard_frames
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableFrames
 from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.engine.stage import Progress
@@ -22,7 +22,7 @@ from glint.tasks.stages.frames import fill_cache
 from glint.tasks.stages.levels import LevelRecorder
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 
-MIN_FRAMES = 3
+MIN_SAMPLED_FRAMES = 3
 """Frames below which their temporal median has a pixel's highlight if one of them has it."""
 SAMPLE_BYTES = 256 << 20
 """Most bytes of frames that are held in full size."""
@@ -74,17 +74,17 @@ class SampleRecorder(FootageWrapper):
         """Return the sample; of frames that did not pass, in a pass of its own.
 
         Raises:
-            InputError: the video holds no frame; UnusableCapture: it holds too few.
+            InputError: the video holds no frame; UnusableFrames: it holds too few.
         """
         if not self.has_all:
             for _ in self.frames(step=self._step):
                 pass
         if self._peak is None:
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
-        if self._sampled < MIN_FRAMES:
+        if self._sampled < MIN_SAMPLED_FRAMES:
             frames = "1 frame" if self._sampled == 1 else f"{self._sampled} frames"
-            raise UnusableCapture(
-                f"{self.uri} holds {frames}, too few to tell highlights from what is always bright",
+            raise UnusableFrames(
+                f"{self.uri} holds {frames}, too few to separate highlights from what is always bright",
                 "film a sweep of the lamp, or take a few dozen photographs, each with the lamp elsewhere",
             )
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)

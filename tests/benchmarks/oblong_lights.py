@@ -56,8 +56,8 @@ def line(name: str, frames: np.ndarray, sphere: Sphere) -> str:
         return f"{name:32s} {near.sum()} highlights are too few"
     fit, circle = fit_shapes(shapes.only(near), sphere), circle_of_shapes(shapes, sphere)
     offset = np.hypot(fit.x - sphere.x, fit.y - sphere.y) / sphere.radius
-    said = "nothing" if circle is None else f"the centre to {circle.sd / sphere.radius:.3f}"
-    return f"{name:32s} off {offset:.3f}  skew {fit.skew:.3f}  misfit {fit.misfit:.3f}  says {said}"
+    statement = "nothing" if circle is None else f"the centre to {circle.sd / sphere.radius:.3f}"
+    return f"{name:32s} off {offset:.3f}  skew {fit.skew:.3f}  misfit {fit.misfit:.3f}  says {statement}"
 
 
 def main() -> None:

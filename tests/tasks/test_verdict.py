@@ -3,7 +3,7 @@
 import pytest
 
 from glint.storage.errors import InputError
-from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableFrames, UnusableSphere
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import Cause, StageWarning
 from glint.tasks.verdict import failure_verdict, verdict
@@ -68,6 +68,7 @@ def test_twelve_photographs_are_no_failed_sweep() -> None:
     ("stage", "kind", "word"),
     [
         ("survey", UnusableSphere, "needs a sphere"),
+        ("survey", UnusableFrames, "record again"),
         ("survey", UnusableCapture, "needs a mask"),
         ("mask", UnusableCapture, "needs a mask"),
         ("lights", UnusableCapture, "record again"),

@@ -10,7 +10,7 @@ import pytest
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.video import Video
 from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableFrames
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.first_pass import SampleRecorder
@@ -127,6 +127,6 @@ def test_two_photographs_are_too_few(tmp_path: Path) -> None:
     write_images(tmp_path, [np.full((40, 60), level, np.uint8) for level in (50, 90)], "{}.png")
     with open_footage(str(tmp_path / "*.png")) as footage:
         recorder = SampleRecorder(footage, 100, lambda done, total: None)
-        with pytest.raises(UnusableCapture, match="holds 2 frames, too few") as raised:
+        with pytest.raises(UnusableFrames, match="holds 2 frames, too few") as raised:
             recorder.sample()
     assert "a few dozen photographs" in str(raised.value)
