@@ -19,6 +19,19 @@ def correction_warnings(registered: RegisteredViews) -> list[StageWarning]:
     return _of_scales(registered) + _of_angles(registered)
 
 
+def corrected_views(registered: RegisteredViews) -> list[str]:
+    """Return the names of the views of which the scale or the angle was corrected by more than is usual."""
+    names = [name for name, factor in registered.scale_factors.items() if abs(factor - 1.0) > USUAL_SCALE_CORRECTION]
+    if registered.turntable is not None:
+        corrections = relative_turns(registered.given_angles, registered.turntable.angles)
+        names += [
+            view.name
+            for view, correction in zip(registered.views, corrections, strict=False)
+            if abs(correction) > MAX_CORRECTION_DEG and view.name not in registered.searched
+        ]
+    return list(dict.fromkeys(names))
+
+
 def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
     return [
         StageWarning(

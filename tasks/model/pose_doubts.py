@@ -10,8 +10,14 @@ from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
 from glint.tasks.algorithms.registration.pose_evidence import MAX_HELD_VIEWS, pose_evidence
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
-from glint.tasks.algorithms.registration.view_agreement import AGREEING_DEG, ViewAgreement, view_agreement
+from glint.tasks.algorithms.registration.view_agreement import (
+    AGREEING_DEG,
+    MAX_CONTRADICTING_SHARE,
+    ViewAgreement,
+    view_agreement,
+)
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.model.corrections import corrected_views
 
 MIN_COMPARED_SHARE = 0.05
 """Vertices that two views show with confidence, as a share of the model's, below which few views are hardly compared:
@@ -19,7 +25,7 @@ MIN_COMPARED_SHARE = 0.05
 UNCOMPARED_TRUST = 0.9
 """Factor of the confidence where no two views can be compared and nothing else shows that their poses are right."""
 CONTRADICTED_TRUST = 0.3
-"""Factor of the confidence where other poses explain the normals better."""
+"""Factor of the confidence where other poses explain the normals better, or too many views had to be corrected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +41,27 @@ class PoseDoubts:
 
 
 def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
-    """Compare the normals of the registered views, as their own labels have them, where two of them see the model."""
+    """Compare the normals of the registered views, as their own labels have them, where two of them see the model.
+
+    Silhouettes of an object that looks alike from opposite sides agree after corrections of many scales and angles even
+    where two views have each other's angles, and so do the few normals that views far apart share.
+    """
+    doubts, corrected = _doubts_of_normals(registered, model), corrected_views(registered)
+    count = len(registered.views)
+    if len(corrected) <= MAX_CONTRADICTING_SHARE * count:
+        return doubts
+    warning = StageWarning(
+        f"the scales or angles of {len(corrected)} of the {count} views had to be corrected to agree with the"
+        " silhouettes, too many to know which are right, so that nothing of the model is confident: check whether all"
+        " videos have their own angles, and whether the camera was moved or zoomed between the views",
+        "views",
+    )
+    trust = np.minimum(doubts.trust, CONTRADICTED_TRUST)
+    return replace(doubts, trust=trust, warnings=(*doubts.warnings, warning))
+
+
+def _doubts_of_normals(registered: RegisteredViews, model: Model) -> PoseDoubts:
+    """Return what the normals of the registered views say of their poses."""
     agreement = view_agreement(registered.views, model)
     is_weak = agreement.shared.sum() / 2 < MIN_COMPARED_SHARE * len(model.vertices)
     if not agreement.is_known or (is_weak and len(registered.views) <= MAX_HELD_VIEWS):

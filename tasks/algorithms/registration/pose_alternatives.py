@@ -1,11 +1,13 @@
 """Alternatives to stated poses that contradict the views: the usual mistakes in stating them, one by one.
 
-Angles may run the other way or have another step. Matrices may have the camera axes of OpenCV, lead from the world to
-the camera, be transposed, or have translations in another unit, whose ratio follows from the rays through the masks'
-centres: they all pass near the object's.
+Angles may run the other way or have another step, or two views have each other's. Matrices may have the camera axes of
+OpenCV, lead from the world to the camera, be transposed, or have translations in another unit, whose ratio follows from
+the rays through the masks' centres: they all pass near the object's.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -14,18 +16,19 @@ from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
 from glint.tasks.algorithms.registration.turntable import (
+    LEANS_TO_CAMERA_DEG,
     Turntable,
     calibrate_axis,
     initial_turntable,
     views_on_turntable,
 )
 from glint.tasks.algorithms.registration.view_agreement import MIN_CONSISTENT_SHARE, view_agreement
-from glint.tasks.algorithms.registration.view_rejection import MAX_RESIDUAL_PX
+from glint.tasks.algorithms.registration.view_rejection import CLEAR_RESIDUAL_PX, FITTING_RESIDUAL_PX, MAX_RESIDUAL_PX
 
 FACTORS = np.geomspace(0.5, 2.0, 95)
 """Factors of a turntable's angles that are tried: within 1%, three degrees in a full turn."""
 FACTOR_RAYS = 24
-"""Rays per silhouette by which factors are compared."""
+"""Rays per silhouette by which factors, and pairs of views, are compared."""
 MIN_FACTOR_CHANGE = 0.01
 """Change of a factor, or of a unit, from which it is one."""
 MAX_UNIT_ERROR = 0.1
@@ -49,8 +52,10 @@ def alternative_poses(views: Sequence[View], table: Turntable | None) -> str | N
     if len(views) < MIN_VIEWS:
         return None
     candidates = _matrices(views) if table is None else _turntables(views, table)
-    agreeing = dict.fromkeys(description for description, posed in candidates if _agree(posed))
-    return ", or if ".join(agreeing) or None
+    agreeing = {description: _largest_residual(posed) for description, posed in candidates if _agree(posed)}
+    # Wrong poses may agree within the limit; right ones agree as well as any.
+    limit = max(FITTING_RESIDUAL_PX, 2.0 * min(agreeing.values(), default=0.0))
+    return ", or if ".join(text for text, residual in agreeing.items() if residual <= limit) or None
 
 
 def silhouette_alternatives(views: Sequence[View], table: Turntable | None) -> list[Alternative]:
@@ -63,7 +68,7 @@ def silhouette_alternatives(views: Sequence[View], table: Turntable | None) -> l
     return [
         (description, posed)
         for description, posed in _matrices(views)
-        if not _is_same(views, posed) and silhouette_residuals(posed).mean(axis=1).max() <= MAX_RESIDUAL_PX
+        if not _is_same(views, posed) and _largest_residual(posed) <= MAX_RESIDUAL_PX
     ]
 
 
@@ -75,9 +80,14 @@ def _is_same(views: Sequence[View], posed: Sequence[View]) -> bool:
     return bool(np.abs(before - after).max() < SAME_ROTATION)
 
 
+def _largest_residual(views: Sequence[View]) -> float:
+    """Return the largest mean silhouette residual of a view, in pixels."""
+    return float(silhouette_residuals(views).mean(axis=1).max())
+
+
 def _agree(views: Sequence[View]) -> bool:
-    """Return whether silhouettes and normals of the views agree, as far as they can be compared."""
-    if silhouette_residuals(views).mean(axis=1).max() > MAX_RESIDUAL_PX:
+    """Return whether silhouettes agree clearly, and normals as far as they can be compared."""
+    if _largest_residual(views) > CLEAR_RESIDUAL_PX:
         return False
     try:
         agreement = view_agreement(views, coarse_model(views))
@@ -87,8 +97,11 @@ def _agree(views: Sequence[View]) -> bool:
 
 
 def _turntables(views: Sequence[View], table: Turntable) -> Iterator[Alternative]:
-    """Yield the turntable turned the other way, and with another step."""
+    """Yield the turntable turned the other way, with two views taken for each other, and with another step."""
     yield DIRECTION, _calibrated(views, -table.angles)
+    first, second = _taken_for_each_other(views, table.angles)
+    description = f"{views[first].name} and {views[second].name} have each other's angles (exchange these)"
+    yield description, _calibrated(views, _exchanged(table.angles, first, second))
     factor = _angle_factor(views, table.angles)
     if abs(factor - 1.0) > MIN_FACTOR_CHANGE:
         step = float(np.median(np.abs(np.diff(table.angles))))
@@ -98,15 +111,35 @@ def _turntables(views: Sequence[View], table: Turntable) -> Iterator[Alternative
 
 def _calibrated(views: Sequence[View], angles: np.ndarray) -> list[View]:
     """Return views on a turntable at given angles (V,), its axis fitted to them."""
-    return views_on_turntable(views, calibrate_axis(views, initial_turntable(views, angles.tolist())))
+    start = initial_turntable(views, angles.tolist())
+    return views_on_turntable(views, calibrate_axis(views, start, LEANS_TO_CAMERA_DEG))
+
+
+def _exchanged(angles: np.ndarray, first: int, second: int) -> np.ndarray:
+    """Return angles (V,) of which two are exchanged."""
+    result = angles.copy()
+    result[[first, second]] = angles[[second, first]]
+    return result
+
+
+def _taken_for_each_other(views: Sequence[View], angles: np.ndarray) -> tuple[int, int]:
+    """Return the two views with which the silhouettes agree best if their angles, of all (V,), are exchanged."""
+    pairs = combinations(range(len(views)), 2)
+    return min(pairs, key=lambda pair: _residual_at(views, _exchanged(angles, *pair)))
+
+
+def _residual_at(views: Sequence[View], angles: np.ndarray) -> float:
+    """Return the mean silhouette residual, pixels, at given angles (V,): about the best of a few axes, by few rays."""
+    upright = initial_turntable(views, angles.tolist())
+    tables = [replace(upright, lean_to_camera=lean) for lean in LEANS_TO_CAMERA_DEG]
+    return min(float(silhouette_residuals(views_on_turntable(views, table), FACTOR_RAYS).mean()) for table in tables)
 
 
 def _angle_factor(views: Sequence[View], angles: np.ndarray) -> float:
     """Return the factor of the angles (V,) at which the silhouettes agree best."""
 
     def residual(factor: float) -> float:
-        posed = views_on_turntable(views, initial_turntable(views, (factor * angles).tolist()))
-        return float(silhouette_residuals(posed, FACTOR_RAYS).mean())
+        return _residual_at(views, factor * angles)
 
     best = float(FACTORS[np.argmin([residual(factor) for factor in FACTORS])])
     for step in (0.004, 0.001):

@@ -66,3 +66,14 @@ def test_a_view_whose_normals_contradict_the_others_is_named() -> None:
     (warning,) = doubts.warnings
     assert warning.message.startswith("the normals of view-3 contradict the other views'")
     assert doubts.trust[3] < 0.6 and np.delete(doubts.trust, 3).min() > 0.8
+
+
+@pytest.mark.parametrize(("corrected", "is_doubted"), [(2, False), (3, True)])
+def test_corrections_of_many_views_leave_nothing_confident(corrected: int, is_doubted: bool) -> None:
+    factors = {f"view-{number}": 0.975 for number in range(corrected)}
+    registered = replace(registered_at(ANGLES), scale_factors=factors)
+    doubts = pose_doubts(registered, true_model(body()))
+    assert bool(doubts.warnings) == is_doubted and (doubts.trust.max() < 0.5) == is_doubted
+    if is_doubted:
+        (warning,) = doubts.warnings
+        assert warning.message.startswith("the scales or angles of 3 of the 8 views had to be corrected")

@@ -100,3 +100,24 @@ def test_a_step_that_is_wrong_by_a_few_percent_is_corrected(on_table: list[View]
     turned = registered.turntable.angles - ANGLES
     assert np.abs(turned - turned.mean()).max() < 0.6
     assert register_on_turntable(on_table, (ANGLES + 3.0 * (np.arange(8) == 7)).tolist()).step_factor == 1.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("stated_angles", "remedy"),
+    [
+        (
+            [0.0, 120.0, 60.0, 180.0, 240.0, 300.0],
+            "all agree if view-1 and view-2 have each other's angles (exchange these)",
+        ),
+        (
+            np.arange(0.0, 300.0, 50.0).tolist(),
+            "all agree if all angles are multiplied by 1.20 (steps of 60 rather than 50)",
+        ),
+    ],
+)
+def test_what_makes_views_from_above_agree_is_named_alone(stated_angles: list[float], remedy: str) -> None:
+    above = views_of(body(), Turntable(3.0, 25.0, 0.0, np.arange(0.0, 360.0, 60.0)))
+    with pytest.raises(UnusableCapture, match="contradict") as caught:
+        register_on_turntable(above, stated_angles)
+    assert caught.value.remedy == remedy
