@@ -85,7 +85,7 @@ class SampleRecorder(FootageWrapper):
             frames = "1 frame" if self._sampled == 1 else f"{self._sampled} frames"
             raise UnusableFrames(
                 f"{self.uri} holds {frames}, too few to separate highlights from what is always bright",
-                "film a sweep of the light, or take a few dozen photographs, each with the light elsewhere",
+                "record a sweep of the light, or take a few dozen photographs, each with the light elsewhere",
             )
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
         some = eight_bits(spread(np.stack(self._kept), FIT_FRAMES))
