@@ -60,7 +60,8 @@ def review(
     prepare_environment()
     password = _password(host)
     given = _origins(origin or (), host)
-    if file is None:
+    # A service may start before the first run creates its store; for a person the path is misspelt.
+    if file is None and password is None:
         check_store(Location.parse(address))
     listener = _listener(host, port)
     own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"

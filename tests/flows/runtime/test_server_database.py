@@ -104,6 +104,7 @@ def test_the_server_goes_on_with_a_new_one(
     replace(path)
     # While the server writes, its database is locked, and a locked one counts as whole.
     until(lambda: running_server(home) is None)
+    (tmp_path / "store").mkdir()
     status(str(tmp_path / "store"))
     assert "database is damaged" in capsys.readouterr().out
     second = ensure_server(home)
