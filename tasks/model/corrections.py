@@ -19,17 +19,28 @@ def correction_warnings(registered: RegisteredViews) -> list[StageWarning]:
     return _of_scales(registered) + _of_angles(registered)
 
 
-def corrected_views(registered: RegisteredViews) -> list[str]:
+def corrected_views(registered: RegisteredViews) -> set[str]:
     """Return the names of the views of which the scale or the angle was corrected by more than is usual."""
-    names = [name for name, factor in registered.scale_factors.items() if abs(factor - 1.0) > USUAL_SCALE_CORRECTION]
-    if registered.turntable is not None:
-        corrections = relative_turns(registered.given_angles, registered.turntable.angles)
-        names += [
-            view.name
-            for view, correction in zip(registered.views, corrections, strict=False)
-            if abs(correction) > MAX_CORRECTION_DEG and view.name not in registered.searched
-        ]
-    return list(dict.fromkeys(names))
+    return _corrected_scales(registered).keys() | _corrected_angles(registered).keys()
+
+
+def _corrected_scales(registered: RegisteredViews) -> dict[str, float]:
+    """Return the factors of the scales that were corrected by more than is usual, by view."""
+    factors = registered.scale_factors.items()
+    return {name: factor for name, factor in factors if abs(factor - 1.0) > USUAL_SCALE_CORRECTION}
+
+
+def _corrected_angles(registered: RegisteredViews) -> dict[str, tuple[float, float]]:
+    """Return the given angles that were corrected by more than is usual, and their corrections, degrees, by view."""
+    if registered.turntable is None:
+        return {}
+    # The angle of the whole turntable is nobody's mistake.
+    corrections = relative_turns(registered.given_angles, registered.turntable.angles)
+    return {
+        view.name: (given, correction)
+        for view, given, correction in zip(registered.views, registered.given_angles, corrections, strict=False)
+        if abs(correction) > MAX_CORRECTION_DEG and view.name not in registered.searched
+    }
 
 
 def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
@@ -39,17 +50,13 @@ def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
             " others: the camera was moved or zoomed, or the `pixel_size` or a sphere of this view is wrong",
             "views",
         )
-        for name, factor in registered.scale_factors.items()
-        if abs(factor - 1.0) > USUAL_SCALE_CORRECTION
+        for name, factor in _corrected_scales(registered).items()
     ]
 
 
 def _of_angles(registered: RegisteredViews) -> list[StageWarning]:
-    table = registered.turntable
-    if table is None:
+    if registered.turntable is None:
         return []
-    # The angle of the whole turntable is nobody's mistake.
-    corrections = relative_turns(registered.given_angles, table.angles)
     factor, warnings = registered.step_factor, list[StageWarning]()
     if factor != 1.0:
         warnings.append(
@@ -61,11 +68,10 @@ def _of_angles(registered: RegisteredViews) -> list[StageWarning]:
         )
     return warnings + [
         StageWarning(
-            f"the turntable's angle of {view.name} is stated as {given / factor:g} degrees, and was corrected by"
+            f"the turntable's angle of {name} is stated as {given / factor:g} degrees, and was corrected by"
             f" {correction:+.1f} to agree with the silhouettes of the others: compare the angles of all views with"
             " what the turntable showed, since the wrong one may be another's, and take more views in between",
             "views",
         )
-        for view, given, correction in zip(registered.views, registered.given_angles, corrections, strict=False)
-        if abs(correction) > MAX_CORRECTION_DEG and view.name not in registered.searched
+        for name, (given, correction) in _corrected_angles(registered).items()
     ]

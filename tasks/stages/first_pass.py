@@ -81,8 +81,8 @@ class SampleRecorder(FootageWrapper):
                 pass
         if self._peak is None:
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
-        if self._sampled < MIN_SAMPLED_FRAMES:
-            frames = "1 frame" if self._sampled == 1 else f"{self._sampled} frames"
+        if (sampled := self._reduced.count) < MIN_SAMPLED_FRAMES:
+            frames = "1 frame" if sampled == 1 else f"{sampled} frames"
             raise UnusableFrames(
                 f"{self.uri} holds {frames}, too few to separate highlights from what is always bright",
                 "record a sweep of the light, or take a few dozen photographs, each with the light elsewhere",
@@ -94,7 +94,6 @@ class SampleRecorder(FootageWrapper):
     def _begin(self) -> None:
         self._peak: np.ndarray | None = None
         self._kept: list[np.ndarray] = []
-        self._sampled = 0
         self._reduced = FrameSample(self.height, self.width, self._expected // self._step)
 
     def _add(self, position: int, frame: np.ndarray) -> None:
@@ -102,7 +101,6 @@ class SampleRecorder(FootageWrapper):
         if position // self._step % self._interval == 0:
             self._kept.append(frame.copy())
         self._reduced.add(frame)
-        self._sampled += 1
         self._progress(position, self.count or None)
 
 

@@ -24,6 +24,11 @@ class FrameSample:
         self._scale = min(1.0, MAX_SAMPLE_EDGE_PX / max(height, width), float(np.sqrt(budget / (height * width))))
         self._frames: list[np.ndarray] = []
 
+    @property
+    def count(self) -> int:
+        """Number of the frames so far."""
+        return len(self._frames)
+
     def add(self, frame: np.ndarray) -> None:
         """Add a frame (H, W) uint8 or uint16."""
         if self._scale < 1.0:

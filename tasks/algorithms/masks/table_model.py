@@ -54,7 +54,8 @@ class TableModel:
     def flashing(self, features: np.ndarray) -> np.ndarray:
         """Return the pixels (H, W) bool that show highlights."""
         excess = features[..., 1] - self.mean[..., 1]
-        return np.asarray((excess > self.flash_limit) | (_of_areas(excess) > self.area_limit))
+        pixels = np.asarray(excess > self.flash_limit)
+        return pixels if np.isinf(self.area_limit) else pixels | (_of_areas(excess) > self.area_limit)
 
 
 def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) -> TableModel:
