@@ -22,8 +22,9 @@ Z_AXIS = np.array([0.0, 0.0, 1.0])
 
 ELLIPSE_ITERATIONS = 8
 """Fixed-point steps in which a cone is fitted to its ellipse; the error shrinks at least tenfold in each."""
-MAX_CONE_SINE = 0.9
-"""Upper bound of the sine of a cone's half angle while it is fitted."""
+MAX_SINE_RATIO = 0.9
+"""Upper bound of the sine of a cone's half angle while it is fitted, relative to the cosine of its axis' angle with the
+line of sight: at 1 the contour is a parabola, no ellipse."""
 VIRTUAL_HALF_WIDTH = 1.6
 """Half the width of a virtual camera's image, in radii of the sphere."""
 
@@ -122,7 +123,8 @@ class Cone:
         centre, size = np.array([x, y]), radius
         for _ in range(ELLIPSE_ITERATIONS):
             sine = float(size / areal_focal_length(camera) * abs(cone.axis[2]) ** 1.5)
-            cone = cls(-_view_vectors_at(camera, *centre), min(sine, MAX_CONE_SINE))
+            axis = -_view_vectors_at(camera, *centre)
+            cone = cls(axis, min(sine, MAX_SINE_RATIO * abs(float(axis[2]))))
             projection = cone.project(camera)
             centre = centre + np.array([x, y]) - projection[:2]
             size *= radius / projection[2]

@@ -62,3 +62,12 @@ def test_a_sphere_follows_from_its_ellipse(centre: tuple[float, float, float]) -
     view = VIEW[rows, columns]
     points = position + size * back.normals(view)
     assert np.linalg.norm(np.cross(points, view), axis=-1).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    "circle", [(0.0, 0.0, 200.0), (200.0, 160.0, 300.0), (600.0, 580.0, 40.0), (700.0, -400.0, 500.0)]
+)
+def test_a_circle_that_no_sphere_has_still_gives_a_finite_cone(circle: tuple[float, float, float]) -> None:
+    """The contours of large spheres far beside the line of sight are no ellipses; a search tries their circles too."""
+    wide = np.array([[120.0, 0, 100.0], [0, 120.0, 80.0], [0, 0, 1.0]])
+    assert np.isfinite(Cone.from_ellipse(*circle, wide).project(wide)).all()
