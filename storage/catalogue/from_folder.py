@@ -7,6 +7,7 @@ among the images, or in a folder of LIGHTS_FOLDERS. Several videos in one folder
 <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
 """
 
+import fnmatch
 import re
 from collections import defaultdict
 from collections.abc import Callable
@@ -131,18 +132,23 @@ def _footage(folder: Location, leave_out: LeaveOut) -> list[tuple[str, str]]:
         for file in files if image_folder is folder else list_folder(image_folder)[1]:
             if _suffix(file) in SUFFIXES and not _NOT_FRAMES.fullmatch(_stem(file).lower()):
                 sets[re.sub(r"\d+", "[0-9]*", _escape(file.name))] += 1
-        sets = {pattern: count for pattern, count in sets.items() if count > 1}
-        if sets:
+        if max(sets.values(), default=0) > 1:
             pattern = max(sets, key=lambda pattern: (sets[pattern], pattern))
             for other in sorted(sets.keys() - {pattern}):
-                if sets[other] == sets[pattern]:
-                    leave_out(
-                        f"{folder.name}/{other}", f"as many images as {pattern}: name the better ones as `frames`"
-                    )
+                # A name with more after its number, as that of a copy, matches too, and is read.
+                if not fnmatch.fnmatchcase(re.sub(r"\[0-9\]\*", "0", other), pattern):
+                    leave_out(f"{folder.name}/{other}", _other_images(sets[other], sets[pattern], pattern))
             # In an object store only the last part of the key is a pattern; of a path all is, so it is escaped.
             address = image_folder.uri if image_folder.local is None else _escape(image_folder.uri)
             return [("front", f"{address.rstrip('/')}/{pattern}")]
     return []
+
+
+def _other_images(count: int, chosen_count: int, pattern: str) -> str:
+    if count == chosen_count:
+        return f"as many images as {pattern}: name the better ones as `frames`"
+    images = "1 image that does" if count == 1 else f"{count} images that do"
+    return f"{images} not match {pattern}: rename them alike if they are frames"
 
 
 def _undeveloped(folder: Location) -> set[str]:

@@ -158,11 +158,12 @@ class ImageSet:
 
     codec = "images"
 
-    def __init__(self, uri: str, files: Sequence[Location]) -> None:
+    def __init__(self, uri: str, files: Sequence[Location], warnings: Sequence[str] = ()) -> None:
+        """Read the first image; `warnings`: of what was left out."""
         self.uri, self.files = uri, tuple(files)
         self.names = tuple(file.name for file in self.files)
         self.count = len(self.files)
-        self.warnings: list[str] = []
+        self.warnings = list(warnings)
         first = self._read(self.files[0])
         self.height, self.width = first.shape
         self.bits = 8 * first.itemsize

@@ -12,7 +12,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from tests.storage.footage.videos import ramp, write_images
 
-FRAMES = [ramp(index, 8, 10) for index in range(12)]
+FRAMES = [ramp(index, 24, 48) for index in range(12)]
 
 
 def _touch(folder: Path, *names: str) -> None:
@@ -185,8 +185,24 @@ def test_files_that_might_have_been_meant_are_named(tmp_path: Path) -> None:
         "assembly-files/a.lp, assembly-files/b.lp",
         "vase/b_mask.png, vase/mask.jpg",
         "ring/[0-9]*.jpg",
+        "ring/preview-[0-9]*.png",
+        "ring/a.bmp",
     }
     assert "`lights`" in left_out["assembly-files/a.lp, assembly-files/b.lp"]
+
+
+def test_photographs_of_another_name_are_named_and_copies_go_with_theirs(tmp_path: Path) -> None:
+    write_images(tmp_path / "vase", FRAMES[:5], "IMG_{}.png")
+    write_images(tmp_path / "vase", FRAMES[5:8], "DSC_{}.png")
+    write_images(tmp_path / "vase", FRAMES[2:3], "IMG_{} (1).png")
+    write_images(tmp_path / "vase", FRAMES[2:3], "IMG_{} - Copy.png")
+    left_out = dict[str, str]()
+    capture = _only(from_folder(tmp_path, left_out.__setitem__))
+    assert list(left_out) == ["vase/DSC_[0-9]*.png"]
+    assert left_out["vase/DSC_[0-9]*.png"].startswith("3 images that do not match IMG_[0-9]*.png")
+    with open_footage(capture.frames) as footage:
+        assert footage.names == tuple(f"IMG_{number}.png" for number in range(1, 6))
+        assert "2 images are copies" in footage.warnings[0]
 
 
 def test_hidden_files_and_folders_are_left_out(tmp_path: Path) -> None:
