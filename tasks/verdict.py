@@ -67,6 +67,10 @@ def verdict(
         shown += f", {observable:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
         return _again(Verdict(RECORD_AGAIN, shown, "coverage"), warnings, given_spheres)
+    scale = [warning for warning in ordered if warning.cause == "scale"]
+    if scale:
+        # It costs no normal anything, but every length.
+        return _because(CORRECT, scale[0])
     if faults and faults[0].cost_deg > MAX_GOOD_COST_DEG:
         return _because(USABLE, faults[0])
     gaps = [warning for warning in ordered if warning.cause == "coverage"]
