@@ -12,6 +12,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.preflight import check_inputs
+from glint.storage.locations.location import LocationError
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
@@ -80,7 +81,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         for declared in stages_until(LAST_STAGE):
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
-    except (InputError, UnusableCapture) as error:
+    except (InputError, LocationError, UnusableCapture) as error:
         warnings = [warning for record in records for warning in record.warnings]
         judged = failure_verdict(stage, error, warnings, _given_spheres(context))
         return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
@@ -164,7 +165,7 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
     pictures: tuple[Path, ...] = ()
-    with suppress(InputError):
+    with suppress(InputError, LocationError):
         pictures = (write_failure_picture(_brightest_frame(context), region, spheres, out),)
     picture = next(iter(pictures), None)
     warnings = by_cost(warning for record in records for warning in record.warnings)

@@ -39,12 +39,12 @@ def contradicting_scales(captures: Mapping[str, CaptureGeometry]) -> dict[str, l
     }
     warnings = dict[str, list[StageWarning]]()
     for name, length in lengths.items():
-        others = [other for other_name, other in lengths.items() if other_name != name]
-        if not others:
+        other_lengths = [other for other_name, other in lengths.items() if other_name != name]
+        if not other_lengths:
             continue
-        usual = median(others)
+        usual = median(other_lengths)
         if max(length, usual) > MAX_VIEW_RATIO * min(length, usual):
-            captures_of = "the other capture's" if len(others) == 1 else "those of the other captures"
+            captures_of = "the other capture's" if len(other_lengths) == 1 else "those of the other captures"
             message = (
                 f"by its scale, {captures[name].pixel_size:.3g} mm per pixel, the object is {length_text(length)}"
                 f" large, by {captures_of} {length_text(usual)}: correct `pixel_size` or `diameter_mm` where it is"

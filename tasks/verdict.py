@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from glint.storage.errors import InputError
+from glint.storage.locations.location import LocationError
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableFrames, UnusableSphere
 from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -83,7 +84,7 @@ def verdict(
 
 def failure_verdict(
     stage: str,
-    error: InputError | UnusableCapture,
+    error: InputError | LocationError | UnusableCapture,
     warnings: Sequence[StageWarning] = (),
     given_spheres: Sequence[Sphere] = (),
 ) -> Verdict:
@@ -91,7 +92,7 @@ def failure_verdict(
 
     warnings: of the stages before; given_spheres: as for `verdict`.
     """
-    if isinstance(error, InputError):
+    if isinstance(error, InputError | LocationError):
         return Verdict(CORRECT, error.message)
     if stage in ("survey", "mask") and not isinstance(error, UnusableFrames):
         return Verdict(NEEDS_SPHERE if isinstance(error, UnusableSphere) else NEEDS_MASK, error.message)

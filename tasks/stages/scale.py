@@ -22,7 +22,7 @@ MIN_OBJECT_MM, MAX_OBJECT_MM = 3.0, 3000.0
 """Longer side of the regions of the smallest and largest objects: a bead, and a window's height."""
 USUAL_OBJECT_MM = 10.0, 1000.0
 """Longer side of the regions of most objects: a unit that leads to it is the one that was probably meant."""
-UNITS = {"metres": 1e3, "micrometres": 1e-3}
+LIKELY_UNITS = {"metres": 1e3, "micrometres": 1e-3}
 """Millimetres of other units that were perhaps meant, and that lead to no usual size if they were not."""
 
 
@@ -122,7 +122,7 @@ def _unlikely(
         return []
     meant = [
         f"; if {unit} were meant, it is {factor * pixel_size:.3g}"
-        for unit, factor in UNITS.items()
+        for unit, factor in LIKELY_UNITS.items()
         if length is not None and USUAL_OBJECT_MM[0] <= factor * length <= USUAL_OBJECT_MM[1]
     ]
     message = f"`pixel_size` {pixel_size:.3g} makes {consequence}: give the millimetres that one pixel covers"
