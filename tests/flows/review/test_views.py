@@ -33,6 +33,7 @@ def test_the_catalogue_shows_searches_and_opens_captures(tab: Tab) -> None:
     page.keyboard.press("Enter")
     page.wait_for_selector(READY)
     assert page.evaluate("location.hash") == INPUTS
+    assert page.title() == "Inputs · hemisphere/front · Glint"
 
 
 def test_what_needs_a_person_comes_first_and_names_are_only_text(
