@@ -108,9 +108,8 @@ def _several_objects(pixels: np.ndarray, geometry: CaptureGeometry, estimated: b
     texts = [f"{size:,}" for size in sizes]
     counted = f"{', '.join(texts[:-1])} and {texts[-1]} pixels"
     message = (
-        f"{name} has {len(sizes)} separate parts of similar size, {counted}, as of {len(sizes)} objects: make one"
-        " capture for each object, with the same video and a mask of that object alone; if it is one object, join the"
-        " parts in the mask"
+        f"{name} has {len(sizes)} separate parts of similar size, {counted}, as of {len(sizes)} objects: make each"
+        " an object of its own, with the same video and a mask of it alone; if it is one object, join the parts"
     )
     return [StageWarning(message, "mask", SHAPE_COST_DEG)]
 

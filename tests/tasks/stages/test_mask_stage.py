@@ -87,4 +87,4 @@ def test_a_mask_of_two_objects_is_told_and_the_chrome_sphere_is_none(simulated: 
     (warning,) = [warning for warning in record.warnings if "separate parts" in warning.message]
     left, right = halves[:, : pixels.shape[1] // 2].sum(), halves[:, pixels.shape[1] // 2 :].sum()
     assert f"2 separate parts of similar size, {max(left, right):,} and {min(left, right):,} pixels" in warning.message
-    assert warning.cause == "mask" and "one capture for each object" in warning.message
+    assert warning.cause == "mask" and "an object of its own" in warning.message
