@@ -87,7 +87,7 @@ def _check_one_format(files: Sequence[Location], location: Location) -> None:
     """
     stems = defaultdict[str, set[str]](set)
     for file in files:
-        stems[_suffix(file)].add(_stem(file))
+        stems[file.suffix].add(_stem(file))
     suffixes = sorted(stems, key=lambda suffix: -len(stems[suffix]))
     for number, suffix in enumerate(suffixes):
         for other in suffixes[number + 1 :]:
@@ -152,7 +152,3 @@ def _same_pixels(first: Location, first_state: FileState, second: Location, seco
 
 def _stem(file: Location) -> str:
     return PurePosixPath(file.name).stem.lower()
-
-
-def _suffix(file: Location) -> str:
-    return PurePosixPath(file.name).suffix.lower()

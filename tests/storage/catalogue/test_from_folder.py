@@ -238,3 +238,31 @@ def test_a_file_name_that_is_no_text_is_the_folders_mistake(tmp_path: Path) -> N
     (tmp_path / "duck" / os.fsdecode(b"a\xff.mp4")).write_bytes(b"")
     with pytest.raises(InputError, match="duck cannot be an object"):
         from_folder(tmp_path)
+
+
+def test_footage_that_lies_in_no_sub_folder_or_too_deep_is_named(tmp_path: Path) -> None:
+    _touch(tmp_path / "flat", "a.mp4", "1.png", "2.png")
+    with pytest.raises(InputError, match=r"flat holds no captures: 1 video and 2 images lie in it directly") as caught:
+        from_folder(tmp_path / "flat")
+    assert "sub-folder" in caught.value.remedy
+    _touch(tmp_path / "deep", "vase/2024/raw/day/1.png", "vase/2024/raw/day/2.png", "cup/x.txt")
+    with pytest.raises(InputError, match=r"videos lie deeper, in vase/2024/raw/day"):
+        from_folder(tmp_path / "deep")
+    _touch(tmp_path / "deep", "dish/a.mp4", "b.mp4")
+    left_out = dict[str, str]()
+    assert list(_captures(from_folder(tmp_path / "deep", left_out.__setitem__))) == ["dish"]
+    assert left_out == {
+        "cup": "no video and no set of images",
+        "vase": "its images or videos lie deeper, in 2024/raw/day: move them up",
+        "deep": "1 video beside the sub-folders: move each object's to a sub-folder",
+    }
+
+
+def test_images_beside_a_video_and_folders_of_masks_are_no_captures(tmp_path: Path) -> None:
+    _touch(tmp_path, "cup/a.mp4", "cup/1.png", "cup/2.png", "cup/mask.png")
+    _touch(
+        tmp_path, "jug/clips/a.mp4", "jug/masks/1.png", "jug/masks/2.png", "jug/jug_mask/3.png", "jug/jug_mask/4.png"
+    )
+    left_out = dict[str, str]()
+    assert _captures(from_folder(tmp_path, left_out.__setitem__)) == {"cup": ["a"], "jug": ["clips"]}
+    assert left_out == {"cup": "2 images beside a video, which is taken for the capture"}
