@@ -12,6 +12,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.preflight import check_inputs
+from glint.storage.locations.location import LocationError
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
@@ -23,6 +24,7 @@ from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.figures.check_pictures import write_check_pictures, write_failure_picture
 from glint.tasks.pipeline import STAGES, stages_until
+from glint.tasks.scale_agreement import scale_warnings
 from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
@@ -79,7 +81,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         for declared in stages_until(LAST_STAGE):
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
-    except (InputError, UnusableCapture) as error:
+    except (InputError, LocationError, UnusableCapture) as error:
         warnings = [warning for record in records for warning in record.warnings]
         judged = failure_verdict(stage, error, warnings, _given_spheres(context))
         return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
@@ -119,18 +121,20 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
 
 
 def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:
-    """Return the checks of an object's captures with what the spheres of the others say of theirs.
+    """Return the checks of an object's captures with what spheres and scales of the others say of theirs.
 
     Raises:
         StoreError: the store fails.
     """
-    spheres = surveyed_spheres([context for context, result in checks if not result.error])
-    warnings = sphere_warnings(spheres)
+    usable = [context for context, result in checks if not result.error]
+    spheres = surveyed_spheres(usable)
+    of_spheres, of_scales = sphere_warnings(spheres), scale_warnings(usable)
     agreed = list[Check]()
     for context, result in checks:
         offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.error else ""
         offered = replace(result, error=f"{result.error}; {offer}") if offer else result
-        agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
+        name = context.capture.id
+        agreed.append(_with_warnings(context, offered, [*of_spheres.get(name, []), *of_scales.get(name, [])]))
     return agreed
 
 
@@ -161,7 +165,7 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
     pictures: tuple[Path, ...] = ()
-    with suppress(InputError):
+    with suppress(InputError, LocationError):
         pictures = (write_failure_picture(_brightest_frame(context), region, spheres, out),)
     picture = next(iter(pictures), None)
     warnings = by_cost(warning for record in records for warning in record.warnings)

@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=32,
+        version=33,
     ),
     Stage(
         "frames",
@@ -78,7 +78,7 @@ STAGES = (
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),
-        version=8,
+        version=9,
     ),
     Stage(
         "thresholds",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from glint.storage.errors import InputError
+from glint.storage.locations.location import LocationError
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableFrames, UnusableSphere
 from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -67,6 +68,10 @@ def verdict(
         shown += f", {observable:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
         return _again(Verdict(RECORD_AGAIN, shown, "coverage"), warnings, given_spheres)
+    scale = [warning for warning in ordered if warning.cause == "scale"]
+    if scale:
+        # It costs no normal anything, but every length.
+        return _because(CORRECT, scale[0])
     if faults and faults[0].cost_deg > MAX_GOOD_COST_DEG:
         return _because(USABLE, faults[0])
     gaps = [warning for warning in ordered if warning.cause == "coverage"]
@@ -79,7 +84,7 @@ def verdict(
 
 def failure_verdict(
     stage: str,
-    error: InputError | UnusableCapture,
+    error: InputError | LocationError | UnusableCapture,
     warnings: Sequence[StageWarning] = (),
     given_spheres: Sequence[Sphere] = (),
 ) -> Verdict:
@@ -87,7 +92,7 @@ def failure_verdict(
 
     warnings: of the stages before; given_spheres: as for `verdict`.
     """
-    if isinstance(error, InputError):
+    if isinstance(error, InputError | LocationError):
         return Verdict(CORRECT, error.message)
     if stage in ("survey", "mask") and not isinstance(error, UnusableFrames):
         return Verdict(NEEDS_SPHERE if isinstance(error, UnusableSphere) else NEEDS_MASK, error.message)

@@ -75,6 +75,8 @@ def simulate(
     if shape != "all" and shape not in SHAPES:
         raise SimulationError(f"there is no shape {shape!r}", f"name one of {', '.join(SHAPES)}, or all")
     options = _parse_options({"frames": frames, "seed": seed, "views": views, "scale": scale}, settings or ())
+    for name in PRESETS if shape == "all" else (shape,):
+        _check_replaceable(out / name)
     with open_console() as console:
         for name in PRESETS if shape == "all" else (shape,):
             _simulate(name, out, options, console)
@@ -160,6 +162,23 @@ def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink",
     from glint.tasks.simulation.simulate import simulate as render
 
     render(shape, out, options, ProgressThrottle(console.emit, name or shape, "simulate", unit="frames"))
+
+
+def _check_replaceable(folder: Path) -> None:
+    """Refuse to write a simulated object over a folder that holds anything else, such as a person's own videos.
+
+    Raises:
+        SimulationError: it does.
+    """
+    if not folder.is_dir():
+        return
+    strange = [
+        file for file in folder.iterdir() if file.name != "truth_model.ply" and not (file / "meta.json").is_file()
+    ]
+    if strange:
+        raise SimulationError(
+            f"{folder} holds {strange[0].name}, which was not simulated", "give another folder with --out"
+        )
 
 
 def _exists(folder: Path, options: "CaptureOptions") -> bool:

@@ -19,7 +19,7 @@ from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import task_key, wait_for
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
-from glint.flows.pipeline.worker import SURVEY, compare_spheres, publish_captures
+from glint.flows.pipeline.worker import SURVEY, compare_captures, publish_captures
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state, without_models
 from glint.flows.runtime.orphaned_runs import untagged_tasks
@@ -129,7 +129,7 @@ def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:
 
 
 def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -> tuple[CaptureResult, ...]:
-    """Return the results of an object's chosen captures with what the spheres of its other captures say of theirs.
+    """Return the results of an object's chosen captures with what spheres and scales of its others say of theirs.
 
     A warning is added to the survey's, and a capture that failed for its sphere is offered those of the others.
     """
@@ -137,7 +137,9 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
     without_sphere = {result.capture_id for result in results if result.failed_for_sphere}
-    warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, without_sphere)
+    warnings, offers = on_worker(
+        captures.object_id, "agreement", compare_captures, captures.all, failed, without_sphere
+    )
     agreed = list[CaptureResult]()
     for result in results:
         own, offer = warnings.get(result.capture_id, []), offers.get(result.capture_id, "")

@@ -71,19 +71,26 @@ def run_last_stages(
 
 
 @sent_from_worker()
-def compare_spheres(
+def compare_captures(
     captures: Sequence[CaptureContext], failed: Collection[str], without_sphere: Collection[str]
 ) -> tuple[dict[str, list[StageWarning]], dict[str, str]]:
-    """Compare the spheres of an object's captures on a Dask worker; see `sphere_warnings` and `sphere_offer`.
+    """Compare spheres and scales of an object's captures on a Dask worker.
+
+    See `sphere_warnings`, `scale_warnings` and `sphere_offer`.
 
     failed: ids of the captures without a result; without_sphere: those of them that failed for their sphere.
-    Returns, by capture, warnings of spheres that lie elsewhere, and what those without one are offered.
+    Returns, by capture, warnings of what contradicts the others, and what those without a sphere are offered.
     """
+    from glint.tasks.scale_agreement import scale_warnings
     from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 
-    spheres = surveyed_spheres([context for context in captures if _is_surveyed(context, failed)])
+    surveyed = [context for context in captures if _is_surveyed(context, failed)]
+    spheres = surveyed_spheres(surveyed)
     offers = {item.capture.id: sphere_offer(item, spheres) for item in captures if item.capture.id in without_sphere}
-    return sphere_warnings(spheres), offers
+    warnings = sphere_warnings(spheres)
+    for name, of_scale in scale_warnings(surveyed).items():
+        warnings.setdefault(name, []).extend(of_scale)
+    return warnings, offers
 
 
 def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:

@@ -21,6 +21,9 @@ PHRASES: tuple[tuple[str, str], ...] = (
     (r"give the camera's matrix \(`camera`\)", "give the camera's focal length with Camera"),
     (r"give the camera's matrix, about `camera: \{matrix: [^`]*\}`", "give it with Camera"),
     (r"check that `camera` is the matrix", "check with Camera that its matrix is that"),
+    (r"give the millimetres that one pixel covers", "correct it with Scale"),
+    (r"correct `pixel_size` or `diameter_mm` where it is wrong", "correct it with Scale or Spheres where it is wrong"),
+    (r"give `pixel_size`, or a sphere's `diameter_mm`, for all views", "give it with Scale for all views"),
     (r"correct it in the catalogue \(pixels of the full frame\)", "correct it with Region"),
     (r"correct it \(pixels of the full frame, y down\)", "correct it with Spheres"),
 )

@@ -7,6 +7,7 @@ among the images, or in a folder of LIGHTS_FOLDERS. Several videos in one folder
 <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
 """
 
+import fnmatch
 import re
 from collections import defaultdict
 from collections.abc import Callable
@@ -16,15 +17,22 @@ from typing import Any
 from pydantic import ValidationError
 
 from glint.storage.catalogue.ids import id_from_name
+from glint.storage.catalogue.left_out import (
+    VIDEO_SUFFIXES,
+    footage_text,
+    no_captures,
+    other_images,
+    reason_of_no_object,
+    undeveloped_suffixes,
+)
 from glint.storage.catalogue.models import RESERVED_IDS, Catalogue, Object
 from glint.storage.errors import InputError, one_line, printable
-from glint.storage.footage.images import SUFFIXES, UNDEVELOPED
+from glint.storage.footage.images import SUFFIXES
 from glint.storage.locations.input_files import Address, list_folder, locate
 from glint.storage.locations.location import Location
 
-VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".mxf")
 _NOT_FRAMES = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|reference|albedo)")
-"""Images that are no frames, by their stem."""
+"""Images that are no frames, by their stem, and folders of such, by their name without an s at its end."""
 FRAME_FOLDERS = ("frames", "images", "photos", "jpg", "jpeg", "jpeg-exports", "png", "tif", "tiff")
 """Folders of a capture's images, in the order in which they are looked for; RTIBuilder writes `jpeg-exports`."""
 MAX_NAME = 200
@@ -54,22 +62,19 @@ def from_folder(folder: Address, leave_out: LeaveOut = _silently) -> Catalogue:
     location = locate(folder)
     taken: set[str] = set()
     objects, undeveloped = list[Object](), set[str]()
-    for subfolder in list_folder(location)[0]:
+    folders, files = list_folder(location)
+    for subfolder in folders:
         item = object_from_folder(subfolder, taken, leave_out=leave_out)
         if item is not None:
             objects.append(item)
             continue
-        suffixes = _undeveloped(subfolder)
+        suffixes = undeveloped_suffixes(subfolder)
         undeveloped |= suffixes
-        leave_out(
-            subfolder.name,
-            f"its {_listed(suffixes)} files are not read" if suffixes else "no video and no set of images",
-        )
+        leave_out(subfolder.name, reason_of_no_object(subfolder, suffixes))
     if not objects:
-        remedy = "make one sub-folder per object with a video or a set of images in it"
-        if undeveloped:
-            remedy = f"develop the {_listed(undeveloped)} files to 16-bit TIFF or PNG, all with the same settings"
-        raise InputError(f"{location.uri} holds no captures", remedy)
+        raise no_captures(location, undeveloped)
+    if footage := footage_text(files):
+        leave_out(location.name, f"{footage} beside the sub-folders: move each object's to a sub-folder")
     return Catalogue.model_validate(
         {"schema": 1, "name": printable(location.name)[:MAX_NAME] or "captures", "objects": objects}
     )
@@ -112,6 +117,8 @@ def _captures(folder: Location, naming: Naming, leave_out: LeaveOut) -> list[dic
         return [capture(folder, name, frames, len(footage) > 1) for name, frames in footage]
     captures = []
     for subfolder in list_folder(folder)[0]:
+        if _NOT_FRAMES.fullmatch(subfolder.name.lower().removesuffix("s")):
+            continue
         footage = _footage(subfolder, leave_out)
         is_shared = len(footage) > 1
         for name, frames in footage:
@@ -123,37 +130,27 @@ def _captures(folder: Location, naming: Naming, leave_out: LeaveOut) -> list[dic
 def _footage(folder: Location, leave_out: LeaveOut) -> list[tuple[str, str]]:
     """Return name and address of a folder's videos, else of its largest set of images."""
     folders, files = list_folder(folder)
-    videos = [file for file in files if _suffix(file) in VIDEO_SUFFIXES]
+    videos = [file for file in files if file.suffix in VIDEO_SUFFIXES]
     if videos:
+        frames = [file for file in files if _is_frame(file)]
+        if len(frames) > 1:
+            leave_out(folder.name, f"{footage_text(frames)} beside a video, which is taken for the capture")
         return [(_stem(file), file.uri) for file in videos]
     for image_folder in (folder, *_named(folders, FRAME_FOLDERS)):
         sets: dict[str, int] = defaultdict(int)
         for file in files if image_folder is folder else list_folder(image_folder)[1]:
-            if _suffix(file) in SUFFIXES and not _NOT_FRAMES.fullmatch(_stem(file).lower()):
+            if _is_frame(file):
                 sets[re.sub(r"\d+", "[0-9]*", _escape(file.name))] += 1
-        sets = {pattern: count for pattern, count in sets.items() if count > 1}
-        if sets:
+        if max(sets.values(), default=0) > 1:
             pattern = max(sets, key=lambda pattern: (sets[pattern], pattern))
             for other in sorted(sets.keys() - {pattern}):
-                if sets[other] == sets[pattern]:
-                    leave_out(
-                        f"{folder.name}/{other}", f"as many images as {pattern}: name the better ones as `frames`"
-                    )
+                # A name with more after its number, as that of a copy, matches too, and is read.
+                if not fnmatch.fnmatchcase(re.sub(r"\[0-9\]\*", "0", other), pattern):
+                    leave_out(f"{folder.name}/{other}", other_images(sets[other], sets[pattern], pattern))
             # In an object store only the last part of the key is a pattern; of a path all is, so it is escaped.
             address = image_folder.uri if image_folder.local is None else _escape(image_folder.uri)
             return [("front", f"{address.rstrip('/')}/{pattern}")]
     return []
-
-
-def _undeveloped(folder: Location) -> set[str]:
-    """Return the suffixes of cameras' own formats in a folder and its sub-folders."""
-    subfolders, files = list_folder(folder)
-    listed = [*files, *(file for subfolder in subfolders for file in list_folder(subfolder)[1])]
-    return {_suffix(file) for file in listed} & UNDEVELOPED
-
-
-def _listed(suffixes: set[str]) -> str:
-    return " and ".join(sorted(suffix.removeprefix(".").upper() for suffix in suffixes))
 
 
 def _beside(folder: Location, frames: str, is_shared: bool, leave_out: LeaveOut) -> dict[str, Any]:
@@ -187,12 +184,16 @@ def _only_entry(key: str, files: list[Location], leave_out: LeaveOut) -> dict[st
     return {key: files[0].uri} if len(files) == 1 else {}
 
 
+def _is_frame(file: Location) -> bool:
+    return file.suffix in SUFFIXES and _NOT_FRAMES.fullmatch(_stem(file).lower()) is None
+
+
 def _is_mask(file: Location) -> bool:
-    return _suffix(file) in SUFFIXES and re.fullmatch(r"(.*[._-])?mask", _stem(file).lower()) is not None
+    return file.suffix in SUFFIXES and re.fullmatch(r"(.*[._-])?mask", _stem(file).lower()) is not None
 
 
 def _is_lights(file: Location) -> bool:
-    return _suffix(file) == ".lp"
+    return file.suffix == ".lp"
 
 
 def _named(folders: list[Location], names: tuple[str, ...]) -> list[Location]:
@@ -217,7 +218,3 @@ def _escape(text: str) -> str:
 
 def _stem(file: Location) -> str:
     return PurePosixPath(file.name).stem
-
-
-def _suffix(file: Location) -> str:
-    return PurePosixPath(file.name).suffix.lower()

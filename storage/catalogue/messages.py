@@ -12,7 +12,7 @@ from glint.storage.catalogue.yaml_lines import line_of
 
 _REMEDIES = {
     "string_type": "write text, in quotes if it looks like a number",
-    "float_type": "write a number without quotes",
+    "float_type": "write a number such as 2.5, with a point, without quotes and without a unit",
     "float_parsing": "write a number",
     "int_parsing": "write a whole number",
     "bool_parsing": "write true or false",
@@ -84,7 +84,8 @@ def _diagnostic(
     if kind == "extra_forbidden":
         known = _known_keys(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
-        remedy = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(known)}"
+        keys = f"known keys are {', '.join(known)}" if len(known) > 1 else f"the only key is {''.join(known)}"
+        remedy = f"did you mean {near[0]!r}?" if near else keys
         message = f"unknown key {truncate_repr(location[-1])} in {_format_path(prefix + location[:-1])}"
         return Diagnostic(file, line, message, remedy)
     if kind == "missing":
@@ -95,6 +96,10 @@ def _diagnostic(
     if kind == "too_short" and not detail["input"]:
         return Diagnostic(file, line, f"{path} is empty", "list at least one")
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
+    if kind == "model_type" and (known := _known_keys(model, location)):
+        remedy = f"{remedy}: {', '.join(known)}"
+    if kind == "string_type" and location[-1] == "frames":
+        remedy = "write one path; a folder, or shots/*.png, names several files"
     if kind == "schema":
         return Diagnostic(file, line, detail["msg"], remedy)
     if kind == "same_sphere":

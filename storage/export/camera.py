@@ -74,7 +74,14 @@ class CaptureCamera:
 
         An orthographic camera frame has its origin at the frame's centre, and a depth that is known up to an offset. A
         perspective one has its origin at the optical centre.
+
+        Raises:
+            ValueError: depth has not the region's size.
         """
+        if depth.shape != (self.region.height, self.region.width):
+            raise ValueError(
+                f"depth is {depth.shape}, the region {(self.region.height, self.region.width)}: give all of it"
+            )
         columns, rows = np.meshgrid(
             np.arange(self.region.width, dtype=float) + self.region.x,
             np.arange(self.region.height, dtype=float) + self.region.y,

@@ -5,6 +5,7 @@ import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from glint.storage.locations.location import Location
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
 UNDEVELOPED = frozenset((".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef", ".heic", ".heif"))
 """Suffixes of cameras' own formats, which are not read."""
+HEIC_REMEDY = "convert all to 16-bit TIFF or PNG, or set the phone to store JPEG"
+_HEIC_BRANDS = frozenset((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"))
+_HEIC_HEAD_BYTES = 12
 MAX_PIXELS = 170_000_000
 """Largest frame that is decoded; the header of a file of a few kilobytes can state far more (decompression bomb)."""
 MAX_IMAGE_BYTES = 2_000_000_000
@@ -147,10 +151,24 @@ def image_size(source: bytes | Path, name: str) -> tuple[int, int]:
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} states an impossible size", f"at most {MAX_PIXELS:,} pixels are read") from error
     except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{name} is no image that can be read", "replace the image") from error
+        if _is_heic(source):
+            raise InputError(f"{name} is a HEIC picture, which is not read", HEIC_REMEDY) from error
+        remedy = "replace the image: PNG, JPEG and TIFF of 8 or 16 bits are read"
+        raise InputError(f"{name} is no image that can be read", remedy) from error
     if width * height > MAX_PIXELS:
         raise InputError(f"{name} states {width} x {height} pixels", f"at most {MAX_PIXELS:,} pixels are read")
     return height, width
+
+
+def _is_heic(source: bytes | Path) -> bool:
+    """Return whether a file is a picture as phones store them, whatever its name."""
+    head = b""
+    if isinstance(source, bytes):
+        head = source[:_HEIC_HEAD_BYTES]
+    else:
+        with suppress(OSError), source.open("rb") as file:
+            head = file.read(_HEIC_HEAD_BYTES)
+    return head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS
 
 
 class ImageSet:
@@ -158,11 +176,12 @@ class ImageSet:
 
     codec = "images"
 
-    def __init__(self, uri: str, files: Sequence[Location]) -> None:
+    def __init__(self, uri: str, files: Sequence[Location], warnings: Sequence[str] = ()) -> None:
+        """Read the first image; `warnings`: of what was left out."""
         self.uri, self.files = uri, tuple(files)
         self.names = tuple(file.name for file in self.files)
         self.count = len(self.files)
-        self.warnings: list[str] = []
+        self.warnings = list(warnings)
         first = self._read(self.files[0])
         self.height, self.width = first.shape
         self.bits = 8 * first.itemsize

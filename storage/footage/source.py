@@ -10,9 +10,9 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from glint.storage.footage.images import SUFFIXES, ImageSet
+from glint.storage.footage.copies import image_files
+from glint.storage.footage.images import ImageSet
 from glint.storage.footage.video import Video
-from glint.storage.locations.input_files import expand
 from glint.storage.locations.location import Location
 
 __all__ = ["Footage", "ImageSet", "Video", "open_footage"]
@@ -51,7 +51,7 @@ class Footage(Protocol):
 
     @property
     def warnings(self) -> list[str]:
-        """Damage met in the last complete pass over the frames."""
+        """Damage met in the last complete pass over the frames, and copies that are left out."""
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -71,13 +71,13 @@ class Footage(Protocol):
 
 
 def open_footage(frames: str | Path | Location) -> Footage:
-    """Open a video, a folder of images or a glob of images, local or in an object store.
+    """Open a video, a folder of images or a glob of images without copies, local or in an object store.
 
     Raises:
-        InputError: missing, unreadable, or too large.
+        InputError: missing, unreadable, or too large; all images are there in two formats.
     """
     location = frames if isinstance(frames, Location) else Location.parse(frames)
-    files = expand(location, SUFFIXES)
-    if files is None:
+    images = image_files(location)
+    if images is None:
         return Video(location)
-    return ImageSet(location.uri, files)
+    return ImageSet(location.uri, images.kept, images.warnings)

@@ -11,6 +11,7 @@ from typing import Any
 import obstore
 
 from glint.storage.errors import InputError
+from glint.storage.footage.copies import image_files
 from glint.storage.footage.images import SUFFIXES
 from glint.storage.inputs.heads import SINGLE_FILES, check_head
 from glint.storage.locations.error_translation import store_errors
@@ -33,8 +34,9 @@ def content_digest(address: Address, store: Location, rehash: bool = False, key:
     """Return the SHA-256 (hex) of a file's bytes, or of names and bytes of a folder's or pattern's files.
 
     Names count from the files' common folder: they give the order in which the files are read. Only a folder's images
-    count. A file whose path, size and time of change (in an object store: entity tag) are those
-    of an earlier call is not read again, unless `rehash`. Digests are cached under STORE/digests/.
+    count, and which of them are copies, since those are no frames. A file whose path, size and time of change (in an
+    object store: entity tag) are those of an earlier call is not read again, unless `rehash`. Digests are cached under
+    STORE/digests/.
 
     key: the catalogue's key that names the files; before they are read, their heads are checked, see `check_head`.
 
@@ -43,18 +45,22 @@ def content_digest(address: Address, store: Location, rehash: bool = False, key:
             read.
     """
     location = locate(address)
-    files, chosen = (None, [location]) if key in SINGLE_FILES else _files_of(location)
+    images = None if key in SINGLE_FILES else image_files(location)
+    chosen, copies = ([location], ()) if images is None else (images.listed, images.skipped)
     stamps = within_time(lambda step: _stamps(chosen, step), location.uri)
     cache = store.child("digests")
-    entry = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
+    entry = digest_of([images is None, *(file.uri for file in chosen), *copies]) + ".json"
     cached = None if rehash else _lookup(cache, entry, stamps)
     if cached is not None:
         return cached
     sizes = [int(stamp[0]) for stamp in stamps]
     if key:
-        within_time(lambda step: check_head(key, chosen, sizes, files is not None), location.uri)
+        within_time(lambda step: check_head(key, chosen, sizes, images is not None), location.uri)
     digests = within_time(lambda step: _sha256_of_all(chosen, location.uri, sum(sizes), step), location.uri)
-    digest = digests[0] if files is None else digest_of(sorted(zip(_names(files), digests, strict=True)))
+    digest = digests[0] if images is None else digest_of(sorted(zip(_names(chosen), digests, strict=True)))
+    if copies:
+        # Frames that were stored with the copies are other ones.
+        digest = digest_of([digest, "without copies", *copies])
     if within_time(lambda step: _stamps(chosen, step), location.uri) != stamps:
         raise InputError(f"{location.uri} changed while it was read", "run again once it is written completely")
     if any(_is_recently_modified(stamp) for stamp in stamps):
@@ -71,13 +77,9 @@ def input_stamps(address: Address) -> list[list[Any]]:
     Raises:
         InputError: missing or unreadable.
     """
-    return [[file.uri, *file_stamp(file)] for file in _files_of(locate(address))[1]]
-
-
-def _files_of(location: Location) -> tuple[list[Location] | None, list[Location]]:
-    """Return the files of a folder or pattern (None: it is a single file), and the files in any case."""
+    location = locate(address)
     files = expand(location, SUFFIXES)
-    return files, [location] if files is None else files
+    return [[file.uri, *file_stamp(file)] for file in ([location] if files is None else files)]
 
 
 def _names(files: Sequence[Location]) -> list[str]:

@@ -4,7 +4,7 @@ The first line holds the number of lights, each further line `name x y z`.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import takewhile
 from pathlib import Path
 
@@ -20,11 +20,14 @@ MAX_NEGATED_SHARE = 0.8
 """Share of lights behind the object beyond which z is negated: no sweep is mostly behind it."""
 
 
-def read_lights(address: Address, names: Sequence[str] = (), count: int | None = None) -> np.ndarray:
+def read_lights(
+    address: Address, names: Sequence[str] = (), count: int | None = None, skipped: Collection[int] = ()
+) -> np.ndarray:
     """Read directions to the light from an `.lp` file: float32 (T, 3), unit vectors, x right, y up, z to the camera.
 
     names: the frames' file names; rows are matched by name, or taken in order if none matches or frames share a name.
-    count: number of frames, where frames have no names.
+    count: number of frames, where frames have no names. skipped: places among all images of those that are no frames;
+    rows in order may count them.
 
     Raises:
         InputError: malformed, NaN or zero directions, z negated, names of which some match, or a number of rows other
@@ -34,9 +37,12 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     row_names, directions = _parsed_rows(uri, first_line, stated_count, rows)
     frame_count = len(names) if names else count
     order = _rows_by_name(uri, row_names, names)
+    if order is None and skipped and len(directions) == len(names) + len(skipped):
+        order = [row for row in range(len(directions)) if row not in skipped]
     if order is None and frame_count is not None and frame_count != len(directions):
+        without = f" without {len(skipped)} that are copies" if skipped else ""
         raise InputError(
-            f"{uri} has {len(directions)} lights for {frame_count} frames",
+            f"{uri} has {len(directions)} lights for {frame_count} frames{without}",
             "give one row per frame, in order, or rows with the images' file names",
         )
     lights = np.array(directions, np.float32).reshape(-1, 3)

@@ -5,10 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 from glint.storage.catalogue.models import Capture
 from glint.storage.errors import InputError
-from glint.storage.footage.images import SUFFIXES
+from glint.storage.footage.copies import image_files
 from glint.storage.inputs.lp_file import read_lights
 from glint.storage.inputs.markup import check_markup
-from glint.storage.locations.input_files import expand, locate
 from glint.storage.locations.location import LocationError
 
 READERS = 16
@@ -42,15 +41,16 @@ def _input_errors(capture: Capture) -> list[InputError | LocationError]:
     if capture.lights is None and capture.markup is None:
         return []
     errors: list[InputError | LocationError] = []
-    names: tuple[str, ...] = ()
+    names, skipped = tuple[str, ...](), tuple[int, ...]()
     try:
-        files = expand(locate(capture.frames), SUFFIXES)
-        names = () if files is None else tuple(file.name for file in files)
+        images = image_files(capture.frames)
+        if images is not None:
+            names, skipped = tuple(file.name for file in images.kept), images.skipped
     except (InputError, LocationError) as error:
         errors.append(error)
     try:
         if capture.lights is not None:
-            read_lights(capture.lights, names)
+            read_lights(capture.lights, names, skipped=skipped)
     except (InputError, LocationError) as error:
         errors.append(error)
     try:

@@ -2,8 +2,10 @@
 
 import fnmatch
 import glob
+import os
 import re
 import stat
+from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from functools import lru_cache
@@ -23,6 +25,8 @@ MISSING_REMEDY = "check the path; relative paths count from the catalogue's fold
 
 MAX_TEXT_BYTES = 32_000_000
 """Size of the largest text file that is read beside the frames."""
+_MAX_KINDS = 2
+"""Kinds of files that are named where there are no images."""
 HEAD_BYTES = 512
 """Bytes of a file that show whether it is text."""
 
@@ -52,11 +56,25 @@ def expand(location: Location, suffixes: Collection[str]) -> list[Location] | No
     if files is None:
         return None
     if not files:
-        raise InputError(
-            f"no images at {location.uri}",
-            f"the folder or pattern must contain files that end in {', '.join(sorted(suffixes))}",
-        )
+        remedy = f"the folder or pattern must contain files that end in {', '.join(sorted(suffixes))}"
+        raise InputError(f"no images at {location.uri}{_other_files(location)}", f"{remedy}; convert others")
     return sorted(files, key=lambda file: (natural_key(file.path), file.path))
+
+
+def _other_files(location: Location) -> str:
+    """Return in words what a local folder, or that of a pattern, holds instead of images; empty: nothing."""
+    kinds = Counter[str]()
+    with suppress(OSError):
+        folder = location.local or Path(os.devnull)
+        for file in (folder if folder.is_dir() else folder.parent).iterdir():
+            if not file.name.startswith(".") and not file.is_dir():
+                kinds[f"{file.suffix.lower()} file" if file.exists() else "link that leads nowhere"] += 1
+    listed = [
+        f"{count} {kind if count == 1 else kind.replace('file', 'files').replace('link that leads', 'links that lead')}"
+        for kind, count in kinds.most_common(_MAX_KINDS)
+        if kind != " file"
+    ]
+    return f", but {' and '.join(listed)}" if listed else ""
 
 
 def list_folder(location: Location) -> tuple[list[Location], list[Location]]:

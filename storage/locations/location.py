@@ -7,7 +7,7 @@ import atexit
 import os
 import re
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import icechunk
@@ -97,6 +97,11 @@ class Location:
     def name(self) -> str:
         """Last part of the path or key."""
         return self.path.rpartition("/")[2]
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of the name in lower case, with its dot; empty: none."""
+        return PurePosixPath(self.name).suffix.lower()
 
     @property
     def parent(self) -> "Location":

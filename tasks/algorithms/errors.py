@@ -19,4 +19,4 @@ class UnusableSphere(UnusableCapture):
 
 
 class UnusableFrames(UnusableCapture):
-    """The frames are too few: no correction of the inputs helps, only another recording."""
+    """The frames are too few, or dark: no correction of the inputs helps, only another recording."""

@@ -75,7 +75,9 @@ def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict
     unknown = [name for name in only if name not in names and name not in by_object]
     if unknown:
         close = [name for name in names if name.endswith(f"/{unknown[0]}")]
-        close += get_close_matches(unknown[0], [*by_object, *names], 1)
+        # Of a known object, its captures are meant.
+        own = [name for name in names if name.startswith(f"{unknown[0].partition('/')[0]}/")]
+        close += get_close_matches(unknown[0], own, 1, 0.0) or get_close_matches(unknown[0], [*by_object, *names], 1)
         raise InputError(
             f"the catalogue has no {', '.join(unknown)}",
             f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",

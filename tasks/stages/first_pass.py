@@ -24,6 +24,8 @@ from glint.tasks.stages.thumbnails import ThumbnailRecorder
 
 MIN_SAMPLED_FRAMES = 3
 """Frames below which their temporal median has a pixel's highlight if one of them has it."""
+MIN_BRIGHTEST = 16.0
+"""Level of the brightest pixel of a video, 0 to 255, below which it shows nothing: video's black and its noise."""
 SAMPLE_BYTES = 256 << 20
 """Most bytes of frames that are held in full size."""
 
@@ -83,11 +85,18 @@ class SampleRecorder(FootageWrapper):
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
         if (sampled := self._reduced.count) < MIN_SAMPLED_FRAMES:
             frames = "1 frame" if sampled == 1 else f"{sampled} frames"
+            reasons = "".join(f" ({warning})" for warning in self.warnings)
             raise UnusableFrames(
-                f"{self.uri} holds {frames}, too few to separate highlights from what is always bright",
+                f"{self.uri} holds {frames}, too few to separate highlights from what is always bright{reasons}",
                 "record a sweep of the light, or take a few dozen photographs, each with the light elsewhere",
             )
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
+        brightest = float(self._peak.max() * scale)
+        if brightest < MIN_BRIGHTEST:
+            raise UnusableFrames(
+                f"{self.uri} is dark: its brightest pixel has the level {brightest:.0f} of 255",
+                "take the cap off the lens, light the object, or expose so that highlights clip",
+            )
         some = eight_bits(spread(np.stack(self._kept), FIT_FRAMES))
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.footage.source import open_footage
+from glint.storage.footage.copies import image_files
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
@@ -173,8 +173,9 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     """Read the lights of an `.lp` file; those behind the object are rejected."""
     video = inputs.file("frames")
     assert video is not None
-    with open_footage(video) as footage:
-        directions = read_lights(address, footage.names, count)
+    images = image_files(video)
+    names = () if images is None else tuple(file.name for file in images.kept)
+    directions = read_lights(address, names, count, () if images is None else images.skipped)
     reason = np.where(directions[:, 2] >= 0, ACCEPTED, BEHIND).astype(np.uint8)
     kept = np.where((reason == ACCEPTED)[:, None], directions, np.nan).astype(np.float32)
     unknown = np.full(len(kept), np.nan, np.float32)

@@ -6,6 +6,7 @@ from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.masks.mask import beside_spheres
 from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
+from glint.tasks.algorithms.masks.mask_regions import object_sizes
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
@@ -18,7 +19,8 @@ CUT_COST_DEG = 15.0
 """Error of the normals beside a contour that is the frame's edge, or beyond which the object goes on: there the surface
 does not turn from the camera."""
 SHAPE_COST_DEG = 3.0
-"""Error of the normals beside a neck or a ragged piece, and of a sphere that the mask covers."""
+"""Error of the normals beside a neck or a ragged piece, of a sphere that the mask covers, and of several objects that
+are taken for one."""
 REMEDY = "correct it by hand: `glint check` writes mask.png, frame.png and brightest.png, and draws the doubt in red"
 
 
@@ -39,7 +41,10 @@ def mask(inputs: StageInputs, progress: Progress) -> StageOutput:
         arrays={"mask": pixels, "doubt": doubt_of(pixels, objections)},
         record={"region": region.model_dump(), "estimated": address is None},
         counts={"object pixels": int(pixels.sum())},
-        warnings=[_warning(objection, pixels, geometry, address is None) for objection in objections],
+        warnings=[
+            *(_warning(objection, pixels, geometry, address is None) for objection in objections),
+            *_several_objects(pixels, geometry, address is None),
+        ],
     )
 
 
@@ -91,6 +96,22 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
         "unsupported": (f"no highlight was recorded near {share}, most {place}", UNSUPPORTED_COST_DEG),
     }[objection.kind]
     return StageWarning(f"{name} is doubtful: {text}; {REMEDY}", "mask", cost)
+
+
+def _several_objects(pixels: np.ndarray, geometry: CaptureGeometry, estimated: bool) -> list[StageWarning]:
+    """Warn of a mask of several objects: symmetry, surroundings and depth are sought as those of one."""
+    spheres = [sphere.in_crop(geometry.region.x, geometry.region.y) for sphere in geometry.spheres]
+    sizes = object_sizes(pixels & beside_spheres(pixels.shape, spheres))
+    if len(sizes) < 2:
+        return []
+    name = "the estimated mask" if estimated else "the mask"
+    texts = [f"{size:,}" for size in sizes]
+    counted = f"{', '.join(texts[:-1])} and {texts[-1]} pixels"
+    message = (
+        f"{name} has {len(sizes)} separate parts of similar size, {counted}, as of {len(sizes)} objects: make each"
+        " an object of its own, with the same video and a mask of it alone; if it is one object, join the parts"
+    )
+    return [StageWarning(message, "mask", SHAPE_COST_DEG)]
 
 
 def _side(objection: Objection, pixels: np.ndarray) -> str:

@@ -1,4 +1,8 @@
-"""Scale: the millimetres of a pixel, as given or from the spheres' diameters, and where these contradict each other."""
+"""Scale: the millimetres of a pixel, as given or from the spheres' diameters, and what contradicts it.
+
+Lengths in metres or micrometres look like any others, so the sizes that follow are compared: of a sphere with those of
+chrome spheres, of the object with those of objects on a table.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +18,12 @@ MAX_SCALE_RATIO = 1.05
 """Ratio of two scales beyond which they contradict each other."""
 MIN_DIAMETER_MM, MAX_DIAMETER_MM = 4.0, 500.0
 """Diameters of the smallest and largest chrome spheres: usual ones of 20 to 40 mm are less in centimetres or inches."""
+MIN_OBJECT_MM, MAX_OBJECT_MM = 3.0, 3000.0
+"""Longer side of the regions of the smallest and largest objects: a bead, and a window's height."""
+USUAL_OBJECT_MM = 10.0, 1000.0
+"""Longer side of the regions of most objects: a unit that leads to it is the one that was probably meant."""
+LIKELY_UNITS = {"metres": 1e3, "micrometres": 1e-3}
+"""Millimetres of other units that were perhaps meant, and that lead to no usual size if they were not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +40,11 @@ class Scale:
 
 
 def scale_of(
-    pixel_size: float | None, given: Sequence[models.Sphere], used: Sequence[Sphere], camera: np.ndarray | None
+    pixel_size: float | None,
+    given: Sequence[models.Sphere],
+    used: Sequence[Sphere],
+    camera: np.ndarray | None,
+    extent: float | None = None,
 ) -> Scale:
     """Return the scale: as given, or the mean of those that the spheres' diameters give.
 
@@ -39,8 +53,9 @@ def scale_of(
     Args:
         pixel_size: as given, millimetres.
         given: spheres of the catalogue.
-        used: circle of each of them as it was measured, pixels; ignored if none is given.
+        used: circle of each of them as it was measured, or of those that were found if none is given, pixels.
         camera: perspective camera's matrix (3, 3).
+        extent: longer side of the object's region, pixels.
     """
     diameters, sizes = list[float](), list[float]()
     for sphere, circle in zip(given, used, strict=False):
@@ -56,14 +71,22 @@ def scale_of(
         if not MIN_DIAMETER_MM <= diameter <= MAX_DIAMETER_MM
     ]
     if not sizes:
-        return Scale(pixel_size)
+        return Scale(pixel_size, [] if pixel_size is None else _unlikely(pixel_size, used, camera, extent))
     texts = " and ".join(f"{size:.3g}" for size in sizes)
     if max(sizes) > MAX_SCALE_RATIO * min(sizes):
         warnings.append(
             _warning(f"the spheres contradict each other: {texts} mm per pixel; correct a `diameter_mm` or a radius")
         )
     if pixel_size is None:
-        return Scale(float(np.mean(sizes)), warnings)
+        mean = float(np.mean(sizes))
+        if not warnings and extent is not None and not MIN_OBJECT_MM <= mean * extent <= MAX_OBJECT_MM:
+            warnings.append(
+                _warning(
+                    f"`diameter_mm` {_joined_numbers(diameters)} makes the object {length_text(mean * extent)} large:"
+                    " correct it, or the sphere's circle"
+                )
+            )
+        return Scale(mean, warnings)
     if max(pixel_size, *sizes) > MAX_SCALE_RATIO * min(pixel_size, *sizes):
         owners = "sphere's" if len(sizes) == 1 else "spheres'"
         warnings.append(
@@ -72,7 +95,42 @@ def scale_of(
                 " remove it, or correct `diameter_mm`"
             )
         )
+    elif not warnings:
+        warnings += _unlikely(pixel_size, (), camera, extent)
     return Scale(pixel_size, warnings)
+
+
+def length_text(millimetres: float) -> str:
+    """Return a length with the unit in which it is easily read."""
+    metres = millimetres / 1e3
+    if metres >= 1.0:
+        return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.3g} m"
+    return f"{millimetres:.3g} mm" if millimetres >= 0.1 else f"{1e3 * millimetres:.3g} micrometres"
+
+
+def _unlikely(
+    pixel_size: float, spheres: Sequence[Sphere], camera: np.ndarray | None, extent: float | None
+) -> list[StageWarning]:
+    """Return a warning of a given `pixel_size` that makes the object or a chrome sphere larger or smaller than any."""
+    diameters = [pixel_size / _pixel_size(1.0, sphere, camera) for sphere in spheres]
+    length = None if extent is None else pixel_size * extent
+    if length is not None and not MIN_OBJECT_MM <= length <= MAX_OBJECT_MM:
+        consequence = f"the object {length_text(length)} large"
+    elif wrong := [diameter for diameter in diameters if not MIN_DIAMETER_MM <= diameter <= MAX_DIAMETER_MM]:
+        consequence = f"the chrome sphere {length_text(wrong[0])} in diameter"
+    else:
+        return []
+    meant = [
+        f"; if {unit} were meant, it is {factor * pixel_size:.3g}"
+        for unit, factor in LIKELY_UNITS.items()
+        if length is not None and USUAL_OBJECT_MM[0] <= factor * length <= USUAL_OBJECT_MM[1]
+    ]
+    message = f"`pixel_size` {pixel_size:.3g} makes {consequence}: give the millimetres that one pixel covers"
+    return [_warning(message + "".join(meant))]
+
+
+def _joined_numbers(numbers: Sequence[float]) -> str:
+    return " and ".join(f"{number:g}" for number in numbers)
 
 
 def _warning(message: str) -> StageWarning:

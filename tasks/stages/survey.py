@@ -190,7 +190,8 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, search.size)):
             discard_stored(inputs, crops)
             arrays = {name: array for name, array in arrays.items() if name not in (BACKGROUND, PEAK, CLIPPED)}
-        scale = scale_of(inputs.field("pixel_size"), inputs.field("spheres"), spheres, search.camera)
+        extent = float(max(region.width, region.height))
+        scale = scale_of(inputs.field("pixel_size"), inputs.field("spheres"), spheres, search.camera, extent)
         return StageOutput(
             arrays={**arrays, **shake.arrays},
             record=_record(search, places, shake, scale),

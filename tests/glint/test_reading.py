@@ -170,6 +170,12 @@ def test_pixels_of_the_silhouette_are_left_out(store: Path) -> None:
         np.testing.assert_array_equal(has_surface(capture.camera, capture.depth, normals), known)
 
 
+def test_points_take_the_depth_of_the_whole_region(store: Path) -> None:
+    capture = glint.open(store)["wine-glass"].latest["front"]
+    with pytest.raises(ValueError, match=r"depth is \(5, \d+\), the region \(\d+, \d+\): give all of it"):
+        capture.camera.points(capture.depth[:5])
+
+
 def test_frames_of_reference(store: Path) -> None:
     cloud = glint.open(store)["wine-glass"].latest["front"].point_cloud()
     np.testing.assert_array_equal(cloud.in_frame("opencv").points, cloud.points * [1, -1, -1])

@@ -211,6 +211,7 @@ def test_a_folder_of_captures_in_a_bucket_becomes_a_catalogue(location: Location
     write_video(tmp_path / "Duck [1]" / "front.mp4", FRAMES[:4])
     (tmp_path / "Duck [1]" / "mask.png").write_bytes(b"")
     write_images(tmp_path / "glass" / "frames", FRAMES[:12])
+    write_images(tmp_path / "glass" / "frames", FRAMES[:1], "img_{} (1).png")
     (tmp_path / "glass" / "truth" / "normals.npy").write_bytes(b"")
     upload(tmp_path, location)
     catalogue = from_folder(location)
@@ -227,6 +228,7 @@ def test_a_folder_of_captures_in_a_bucket_becomes_a_catalogue(location: Location
     with open_footage(duck.frames) as video, open_footage(glass.frames) as images:
         assert len(list(video.frames())) == 4
         assert len(list(images.frames())) == 12 and images.names[:2] == ("img_1.png", "img_2.png")
+        assert "img_1 (1).png of img_1.png" in images.warnings[0]
 
 
 def test_a_catalogue_in_a_bucket_keeps_to_it(location: Location) -> None:

@@ -34,6 +34,12 @@ def test_a_sphere_given_on_the_background_is_named(simulated: Path, tmp_path: Pa
     assert result.verdict.word == "needs a sphere" and "(30.0, 65.0)" in result.verdict.reason
 
 
+def test_an_address_that_cannot_be_read_has_a_verdict(simulated: Path, tmp_path: Path) -> None:
+    work = make_context(simulated, tmp_path / "store", frames="https://example.org/video.mp4")
+    result = check(work, tmp_path / "out", lambda *_: None)
+    assert result.verdict.word == "correct the catalogue" and "https://" in result.error and result.pictures == ()
+
+
 @pytest.mark.parametrize("name", ["lights", "markup"])
 def test_a_wrong_file_is_found_before_anything_is_decoded(simulated: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / "wrong").write_text("12\nnonsense\n")

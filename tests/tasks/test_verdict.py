@@ -51,6 +51,14 @@ def test_a_sweep_is_judged_by_what_was_observed(observed: float, word: str) -> N
     assert word == "good" or (f"{observed:.0%}" in judged.reason and judged.picture == "coverage")
 
 
+def test_a_scale_that_is_wrong_is_to_be_corrected_whatever_the_normals_are_worth() -> None:
+    scale = StageWarning("`pixel_size` 3 makes the object 1 km large: give millimetres", "scale")
+    assert str(verdict([scale], 0.98, 0.85, 2000)).startswith("correct the catalogue: `pixel_size` 3 makes")
+    assert verdict([scale, _warning("mask", 3.0)], 0.98, 0.85, 2000).word == "correct the catalogue"
+    assert verdict([scale, _warning("mask", 6.0)], 0.98, 0.85, 2000).word == "needs a mask"
+    assert verdict([scale], 0.98, 0.2, 2000).word == "record again"
+
+
 def test_a_gap_leaves_a_capture_usable() -> None:
     judged = verdict([GAP], 0.8, 0.7, 2000)
     assert (judged.word, judged.reason, judged.picture) == (

@@ -32,7 +32,8 @@ function showPlace(place) {
   const tabs = document.getElementById("tabs");
   path.replaceChildren();
   tabs.replaceChildren();
-  document.title = place ? `${place.object}/${place.capture} · Glint` : "Glint";
+  const [, view] = VIEWS.find(([name]) => name === place?.view) ?? VIEWS[0];
+  document.title = place ? `${view} · ${place.object}/${place.capture} · Glint` : "Captures · Glint";
   if (!place) return;
   path.append(element("a", { href: "#/" }, "Catalogue"), element("span", {}, " / "), element("b", { title: `${place.object}/${place.capture}` }, `${place.object}/${place.capture}`));
   for (const [name, text] of VIEWS) {

@@ -33,6 +33,10 @@ MIN_HANDLE_RATIO = 0.02
 """Area of the smallest handle with its opening, relative to the object's."""
 MIN_THICKNESS_PX = 2
 """Least thickness of a handle."""
+GAP_SHARE = 0.02
+"""Half the width of a gap across which parts of a mask are one object, as a share as above: a line that was missed."""
+MIN_OBJECT_RATIO = 0.3
+"""Area of a further object relative to the largest part. The foot of a wine glass whose stem is missing has less."""
 SPECK = np.ones((3, 3))
 """What is narrower than this is noise, or the contour's."""
 
@@ -65,6 +69,16 @@ def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarr
         return mask
     areas = np.bincount(components.ravel())[1:]
     return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
+
+
+def object_sizes(mask: np.ndarray) -> list[int]:
+    """Return the pixels of those separate parts of a mask (H, W) bool that may each be an object, largest first.
+
+    Small parts beside a large one belong to it: the masks of glass often fall apart.
+    """
+    parts, _ = ndimage.label(closed(mask, GAP_SHARE * _edge(mask)))
+    sizes = sorted((int(size) for size in np.bincount(parts[mask], minlength=1)[1:]), reverse=True)
+    return [size for size in sizes if size >= MIN_OBJECT_RATIO * sizes[0]]
 
 
 def thick_components(mask: np.ndarray, min_depth: float) -> np.ndarray:

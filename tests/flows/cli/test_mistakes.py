@@ -42,6 +42,8 @@ def catalogue(tmp_path: Path) -> Path:
         ("evaluate --only teapot --out out", "--only teapot is not a preset", "hemisphere, cylinder"),
         ("evaluate catalogue.yaml --out out", "names its ground truth", "truth: FOLDER"),
         ("evaluate catalogue.yaml --only dukc --out out", "the catalogue has no dukc", "did you mean duck?"),
+        ("check catalogue.yaml --only duck/back", "the catalogue has no duck/back", "did you mean duck/front?"),
+        ("check catalogue.yaml --only goose/back", "the catalogue has no goose/back", "name OBJECT or OBJECT/CAPTURE"),
     ],
 )
 def test_a_mistake_is_named_before_anything_is_computed(
@@ -203,3 +205,15 @@ def test_counts_agree_with_their_nouns() -> None:
 def test_maintenance_creates_no_store(option: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["maintain", "--store", str(tmp_path / "typo"), option])
     assert done.exit_code != 0 and not (tmp_path / "typo").exists()
+
+
+def test_a_folder_that_was_not_simulated_is_not_replaced(tmp_path: Path) -> None:
+    own = tmp_path / "mug" / "front" / "video.mp4"
+    own.parent.mkdir(parents=True)
+    own.write_bytes(b"mine")
+    done = CliRunner().invoke(app, ["simulate", "mug", "--frames", "2", "--out", str(tmp_path)])
+    assert isinstance(done.exception, GlintError) and f"{tmp_path / 'mug'} holds front" in done.exception.message
+    assert "--out" in done.exception.remedy and own.read_bytes() == b"mine"
+    (own.parent / "meta.json").write_text("{}")
+    done = CliRunner().invoke(app, ["simulate", "mug", "--frames", "2", "--scale", "0.1", "--out", str(tmp_path)])
+    assert done.exit_code == 0 and own.read_bytes() != b"mine"

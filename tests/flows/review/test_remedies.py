@@ -41,6 +41,13 @@ def test_what_stages_say_is_said_in_the_words_of_the_page(text: str) -> None:
     assert not [words for words in ELSEWHERE if words in on_page(text)]
 
 
+def test_a_scale_is_corrected_by_the_tool() -> None:
+    told = "`pixel_size` 0.001 makes the object 0.3 mm large: give the millimetres that one pixel covers"
+    assert on_page(told).endswith("large: correct it with Scale")
+    unknown = "give `pixel_size`, or a sphere's `diameter_mm`, for all views or for none"
+    assert on_page(unknown) == "give it with Scale for all views or for none"
+
+
 def test_what_names_no_file_and_no_key_is_left_as_it_is() -> None:
     assert len(SPOKEN) >= 10
     text = "the sphere leaves the frame: use a plain background"

@@ -33,6 +33,7 @@ def test_the_catalogue_shows_searches_and_opens_captures(tab: Tab) -> None:
     page.keyboard.press("Enter")
     page.wait_for_selector(READY)
     assert page.evaluate("location.hash") == INPUTS
+    assert page.title() == "Inputs · hemisphere/front · Glint"
 
 
 def test_what_needs_a_person_comes_first_and_names_are_only_text(
@@ -126,6 +127,58 @@ def test_a_leaking_mask_is_repaired_by_eraser_brush_and_polygon(served: ServedPa
     page.reload()
     tab.wait(f"document.querySelector('section[data-pixels]')?.dataset.pixels === '{cut}'")
     assert "set on the page" in page.inner_text("section[data-pixels]")
+
+
+def test_a_polygon_is_drawn_by_keys_alone(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    steps = 10
+
+    def move(key: str, count: int = steps) -> None:
+        for _ in range(count):
+            page.keyboard.press(f"Arrow{key}")
+
+    def pixels() -> int:
+        return int(page.get_attribute("section[data-pixels]", "data-pixels") or "")
+
+    before = pixels()
+    page.focus("[data-tool=polygon]")
+    page.keyboard.press("Enter")  # a button of the toolbar, after which keys go to the picture
+    page.keyboard.press("Enter")
+    tab.wait("document.getElementById('status').textContent.startsWith('corner 1 at ')")
+    move("Right")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    tab.wait("document.getElementById('status').textContent.startsWith('a polygon needs three corners')")
+    move("Down")
+    page.keyboard.press("Space")
+    move("Left")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Shift+Enter")
+    tab.wait("document.getElementById('status').textContent === 'polygon cut out'")
+    cut = pixels()
+    page.keyboard.press("Enter")
+    for key in ("Right", "Up", "Left"):
+        move(key)
+        page.keyboard.press("Enter")
+    move("Left", 3)
+    page.keyboard.press("Enter")
+    page.keyboard.press("Backspace")
+    tab.wait("document.getElementById('status').textContent === '4 corners'")
+    move("Right", 3)
+    move("Down")
+    page.keyboard.press("Enter")  # on the first corner
+    tab.wait("document.getElementById('status').textContent === 'polygon filled'")
+    side = 4 * steps
+    assert abs(pixels() - cut - side**2) <= 2 * side, "a square was cut out, and filled again"
+    for _ in range(2):
+        page.keyboard.press("Control+z")
+    assert pixels() == before
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")
+    assert page.get_attribute("[data-tool=polygon]", "aria-pressed") == "true"
+    page.keyboard.press("Escape")
+    assert page.get_attribute("[data-tool=look]", "aria-pressed") == "true"
 
 
 def test_pictures_lights_and_pixels(served: ServedPage, tab: Tab) -> None:

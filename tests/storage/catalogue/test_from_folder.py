@@ -12,7 +12,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from tests.storage.footage.videos import ramp, write_images
 
-FRAMES = [ramp(index, 8, 10) for index in range(12)]
+FRAMES = [ramp(index, 24, 48) for index in range(12)]
 
 
 def _touch(folder: Path, *names: str) -> None:
@@ -185,8 +185,24 @@ def test_files_that_might_have_been_meant_are_named(tmp_path: Path) -> None:
         "assembly-files/a.lp, assembly-files/b.lp",
         "vase/b_mask.png, vase/mask.jpg",
         "ring/[0-9]*.jpg",
+        "ring/preview-[0-9]*.png",
+        "ring/a.bmp",
     }
     assert "`lights`" in left_out["assembly-files/a.lp, assembly-files/b.lp"]
+
+
+def test_photographs_of_another_name_are_named_and_copies_go_with_theirs(tmp_path: Path) -> None:
+    write_images(tmp_path / "vase", FRAMES[:5], "IMG_{}.png")
+    write_images(tmp_path / "vase", FRAMES[5:8], "DSC_{}.png")
+    write_images(tmp_path / "vase", FRAMES[2:3], "IMG_{} (1).png")
+    write_images(tmp_path / "vase", FRAMES[2:3], "IMG_{} - Copy.png")
+    left_out = dict[str, str]()
+    capture = _only(from_folder(tmp_path, left_out.__setitem__))
+    assert list(left_out) == ["vase/DSC_[0-9]*.png"]
+    assert left_out["vase/DSC_[0-9]*.png"].startswith("3 images that do not match IMG_[0-9]*.png")
+    with open_footage(capture.frames) as footage:
+        assert footage.names == tuple(f"IMG_{number}.png" for number in range(1, 6))
+        assert "2 images are copies" in footage.warnings[0]
 
 
 def test_hidden_files_and_folders_are_left_out(tmp_path: Path) -> None:
@@ -222,3 +238,31 @@ def test_a_file_name_that_is_no_text_is_the_folders_mistake(tmp_path: Path) -> N
     (tmp_path / "duck" / os.fsdecode(b"a\xff.mp4")).write_bytes(b"")
     with pytest.raises(InputError, match="duck cannot be an object"):
         from_folder(tmp_path)
+
+
+def test_footage_that_lies_in_no_sub_folder_or_too_deep_is_named(tmp_path: Path) -> None:
+    _touch(tmp_path / "flat", "a.mp4", "1.png", "2.png")
+    with pytest.raises(InputError, match=r"flat holds no captures: 1 video and 2 images lie in it directly") as caught:
+        from_folder(tmp_path / "flat")
+    assert "sub-folder" in caught.value.remedy
+    _touch(tmp_path / "deep", "vase/2024/raw/day/1.png", "vase/2024/raw/day/2.png", "cup/x.txt")
+    with pytest.raises(InputError, match=r"videos lie deeper, in vase/2024/raw/day"):
+        from_folder(tmp_path / "deep")
+    _touch(tmp_path / "deep", "dish/a.mp4", "b.mp4")
+    left_out = dict[str, str]()
+    assert list(_captures(from_folder(tmp_path / "deep", left_out.__setitem__))) == ["dish"]
+    assert left_out == {
+        "cup": "no video and no set of images",
+        "vase": "its images or videos lie deeper, in 2024/raw/day: move them up",
+        "deep": "1 video beside the sub-folders: move each object's to a sub-folder",
+    }
+
+
+def test_images_beside_a_video_and_folders_of_masks_are_no_captures(tmp_path: Path) -> None:
+    _touch(tmp_path, "cup/a.mp4", "cup/1.png", "cup/2.png", "cup/mask.png")
+    _touch(
+        tmp_path, "jug/clips/a.mp4", "jug/masks/1.png", "jug/masks/2.png", "jug/jug_mask/3.png", "jug/jug_mask/4.png"
+    )
+    left_out = dict[str, str]()
+    assert _captures(from_folder(tmp_path, left_out.__setitem__)) == {"cup": ["a"], "jug": ["clips"]}
+    assert left_out == {"cup": "2 images beside a video, which is taken for the capture"}

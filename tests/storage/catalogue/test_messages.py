@@ -48,3 +48,21 @@ def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path:
                 assert place_of_error.isdecimal(), line
                 assert any(name in fault for name in names[-2:]), line
                 assert not any(word in fault for word in FOREIGN), line
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("pixel_size: 0,33", "pixel_size is '0,33': input should be a valid number: write a number such as 2.5, with"),
+        ("region: [1, 2, 3, 4]", "write keys and values: x, y, width, height"),
+        ("camera: {fx: 2900}", "unknown key 'fx' in objects[0].captures[0].camera: the only key is matrix"),
+        ("frames: [a.png, b.png]", "write one path; a folder, or shots/*.png, names several files"),
+    ],
+)
+def test_a_remedy_shows_what_to_write(entry: str, says: str, tmp_path: Path) -> None:
+    file = tmp_path / "catalogue.yaml"
+    frames = "" if entry.startswith("frames") else "\n    frames: a.mp4"
+    file.write_text(f"schema: 1\nname: a\nobjects:\n- id: a\n  captures:\n  - id: a{frames}\n    {entry}\n")
+    with pytest.raises(CatalogueError) as caught:
+        load_catalogue(file)
+    assert says in caught.value.message

@@ -280,8 +280,23 @@ def test_a_folder_whose_name_holds_signs_of_patterns(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_images(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no images"):
+    with pytest.raises(InputError, match=r"no images at [^,]*: the folder"):
         open_footage(tmp_path)
+    for number in range(3):
+        (tmp_path / f"IMG_{number}.DNG").write_bytes(b"raw")
+    (tmp_path / "IMG_9.png").symlink_to(tmp_path / "none")
+    with pytest.raises(InputError, match=r", but 3 \.dng files and 1 link that leads nowhere") as caught:
+        open_footage(tmp_path)
+    assert "convert" in caught.value.remedy
+    with pytest.raises(InputError, match=r"\*\.tif, but 3 \.dng files"):
+        open_footage(tmp_path / "*.tif")
+
+
+def test_a_heic_picture_is_named_whatever_its_suffix(tmp_path: Path) -> None:
+    (tmp_path / "IMG_1.jpg").write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0")
+    with pytest.raises(InputError, match=r"IMG_1\.jpg is a HEIC picture") as caught:
+        open_footage(tmp_path)
+    assert "JPEG" in caught.value.remedy
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif", "bmp", "pgm", "webp"])

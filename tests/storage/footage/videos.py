@@ -11,10 +11,13 @@ import numpy as np
 
 
 def ramp(index: int, height: int = 48, width: int = 64) -> np.ndarray:
-    """Frame number `index`: a slope from left to right, a bright block that wanders and a dark one at the top left."""
+    """Frame number `index`: a slope from left to right, a bright block that wanders and a dark one at the top left.
+
+    Whenever the block begins again at the left it is a level darker, so that no two frames are the same.
+    """
     frame = np.tile(np.linspace(30, 200, width), (height, 1))
     column = 4 * (index % (width // 4))
-    frame[height // 2 : height // 2 + 8, column : column + 4] = 250
+    frame[height // 2 : height // 2 + 8, column : column + 4] = 250 - index // (width // 4)
     frame[2:8, 2:8] = 5
     return frame.astype(np.uint8)
 

@@ -16,7 +16,7 @@ def _images(folder: Path, count: int) -> str:
     """Files that are no images: nothing may be decoded."""
     folder.mkdir()
     for number in range(count):
-        (folder / f"img_{number}.png").write_bytes(b"no image")
+        (folder / f"img_{number}.png").write_text(f"no image {number}")
     return str(folder)
 
 

@@ -123,6 +123,24 @@ def test_the_frames_of_the_object_are_not_read_for_a_light_that_never_shows(
     assert crops and OBJECT not in crops
 
 
+def test_photographs_of_which_most_are_copies_are_too_few_and_the_copies_named(tmp_path: Path) -> None:
+    write_images(tmp_path, [np.full((40, 60), 90, np.uint8)] * 9, "{}.png")
+    with (
+        open_footage(tmp_path) as footage,
+        pytest.raises(UnusableFrames, match=r"holds 1 frame, .*8 images are copies of others"),
+    ):
+        SampleRecorder(footage, 100, lambda done, total: None).sample()
+
+
+def test_a_dark_video_is_named_as_dark(tmp_path: Path) -> None:
+    write_images(tmp_path, [np.full((40, 60), 200 * level, np.uint16) for level in range(9)], "{}.png")
+    with (
+        open_footage(tmp_path) as footage,
+        pytest.raises(UnusableFrames, match=r"is dark: its brightest pixel has the level 6 of 255"),
+    ):
+        SampleRecorder(footage, 100, lambda done, total: None).sample()
+
+
 def test_two_photographs_are_too_few(tmp_path: Path) -> None:
     write_images(tmp_path, [np.full((40, 60), level, np.uint8) for level in (50, 90)], "{}.png")
     with open_footage(str(tmp_path / "*.png")) as footage:

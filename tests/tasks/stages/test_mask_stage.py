@@ -74,3 +74,17 @@ def test_a_given_mask_that_is_too_large_lowers_the_confidence(simulated: Path, p
     inside = true_mask(given)[0]
     confidence = [context.load("labels").read("confidence")[inside] for context in (given, work)]
     assert (confidence[0] >= 0.95).mean() > 0.05 > (confidence[1] >= 0.95).mean()
+
+
+def test_a_mask_of_two_objects_is_told_and_the_chrome_sphere_is_none(simulated: Path, tmp_path: Path) -> None:
+    given = make_context(simulated, tmp_path / "store")
+    pixels, _ = true_mask(given)
+    halves = pixels.copy()
+    halves[:, pixels.shape[1] // 2 - 8 : pixels.shape[1] // 2 + 8] = False
+    cv2.imwrite(str(tmp_path / "halves.png"), halves.astype(np.uint8) * 255)
+    work = make_context(simulated, tmp_path / "store", mask=str(tmp_path / "halves.png"))
+    (record,) = [record for record in perform_all(work, "mask") if record.stage == "mask"]
+    (warning,) = [warning for warning in record.warnings if "separate parts" in warning.message]
+    left, right = halves[:, : pixels.shape[1] // 2].sum(), halves[:, pixels.shape[1] // 2 :].sum()
+    assert f"2 separate parts of similar size, {max(left, right):,} and {min(left, right):,} pixels" in warning.message
+    assert warning.cause == "mask" and "an object of its own" in warning.message

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from glint.storage.catalogue import models
@@ -53,8 +54,41 @@ def test_scales_that_agree_are_averaged_without_a_warning() -> None:
         (None, [(30.0, 2.5)], "`diameter_mm` 2.5 is that of a grain: give it in millimetres"),
         (None, [(30.0, 0.025)], "`diameter_mm` 0.025 is that of a grain: give it in millimetres"),
         (None, [(30.0, 2500.0)], "`diameter_mm` 2500 is more than any chrome sphere has"),
+        (None, [(3.0, 400.0)], "`diameter_mm` 400 makes the object 16 m large"),
+        (33.3, [(3.0, 200.0)], "`pixel_size` 33.3 makes the object 7.99 m large"),
     ],
 )
 def test_scales_that_contradict_are_told(pixel_size: float | None, pairs: list[tuple[float, float]], text: str) -> None:
-    (warning,) = scale_of(pixel_size, *spheres(*pairs), None).warnings
+    (warning,) = scale_of(pixel_size, *spheres(*pairs), None, 240.0).warnings
     assert text in warning.message and warning.cause == "scale" and warning.cost_deg == 0.0
+
+
+@pytest.mark.parametrize(
+    ("pixel_size", "text"),
+    [
+        (
+            0.00033,
+            "the object 79.2 micrometres large: give the millimetres that one pixel covers; if metres were meant",
+        ),
+        (0.00033, "it is 0.33"),
+        (330.0, "the object 79.2 m large: give the millimetres that one pixel covers; if micrometres were meant"),
+        (330.0, "it is 0.33"),
+        (1.25e4, "the object 3 km large: give the millimetres that one pixel covers"),
+        (1.25e-5, "the object 3 micrometres large: give the millimetres that one pixel covers"),
+        (0.05, "the chrome sphere 3 mm in diameter: give the millimetres that one pixel covers"),
+    ],
+)
+def test_a_scale_that_makes_things_of_impossible_size_is_told(pixel_size: float, text: str) -> None:
+    """Nobody gave the sphere's diameter, but it is known to be that of a chrome sphere."""
+    (warning,) = scale_of(pixel_size, [], [Sphere(50.0, 50.0, 30.0)], None, 240.0).warnings
+    assert f"`pixel_size` {pixel_size:.3g} makes " in warning.message and text in warning.message
+    assert not warning.message.endswith("covers") or pixel_size in (1.25e4, 1.25e-5, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("pixel_size", "extent", "radius"), [(0.02, 240.0, 110.0), (8.0, 370.0, 4.0), (0.33, 240.0, 38.0)]
+)
+def test_beads_and_windows_have_a_possible_size(pixel_size: float, extent: float, radius: float) -> None:
+    for camera in (None, np.array([[5e3, 0.0, 500.0], [0.0, 5e3, 300.0], [0.0, 0.0, 1.0]])):
+        assert not scale_of(pixel_size, [], [Sphere(500.0, 300.0, radius)], camera, extent).warnings
+    assert not scale_of(pixel_size, [], [], None, extent).warnings, "lights may be known"

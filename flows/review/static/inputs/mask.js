@@ -4,6 +4,7 @@ import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { Growth } from "./grow.js";
 import { PixelMask, union } from "./pixel_mask.js";
+import { Polygon } from "./polygon.js";
 
 const CURSOR_STEP_PX = 4;
 
@@ -11,15 +12,15 @@ export class MaskLayer {
   constructor(view) {
     this.view = view;
     const { width, height } = view.picture;
-    Object.assign(this, { width, height, mask: new PixelMask(width, height), isChanged: false, corners: [] });
+    Object.assign(this, { width, height, mask: new PixelMask(width, height), isChanged: false });
     this.radius = Math.max(2, Math.round(Math.max(width, height) / 60));
     this.canvas = Object.assign(document.createElement("canvas"), { width, height });
     this.context = this.canvas.getContext("2d");
     this.image = new Konva.Image({ x: -0.5, y: -0.5, width, height, image: this.canvas, listening: false });
     view.picture.overlay.add(this.image);
     this.cursor = new Konva.Circle({ radius: this.radius, stroke: "#fff", strokeWidth: 1.5, strokeScaleEnabled: false, visible: false, listening: false });
-    this.path = new Konva.Line({ stroke: "#ffd27a", strokeWidth: 2, strokeScaleEnabled: false, visible: false, listening: false });
-    view.picture.shapes.add(this.cursor, this.path);
+    view.picture.shapes.add(this.cursor);
+    this.polygon = new Polygon(view, (corners, cutsOut) => this.combine(this.mask.inPolygon(corners), cutsOut));
     this.warning = element("p", { class: "doubt", role: "status", hidden: true }, "The mask touches the frame's edge: what lies beyond it is not seen, so the silhouette there is doubtful.");
     this.size = element("input", { type: "range", min: "1", max: String(Math.round(Math.max(width, height) / 8)), value: String(this.radius), "aria-label": "Size of the brush", oninput: () => this.resize(Number(this.size.value) - this.radius) });
     this.growth = new Growth(view, this);
@@ -55,7 +56,7 @@ export class MaskLayer {
     const paints = tool === "brush" || tool === "eraser";
     this.cursor.visible(paints);
     if (paints && !this.cursor.x()) this.cursor.position(this.view.picture.centre());
-    if (tool !== "polygon") this.cancelPolygon();
+    this.polygon.toolChanged();
   }
 
   resize(by) {
@@ -70,7 +71,7 @@ export class MaskLayer {
     container.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       const point = this.view.picture.pointer(event);
-      if (this.view.tool === "polygon") this.addCorner(point);
+      if (this.polygon.isChosen) this.polygon.add(point);
       if (!this.paints) return;
       container.setPointerCapture(event.pointerId);
       this.begin();
@@ -78,7 +79,7 @@ export class MaskLayer {
       this.stroke(point);
     }, { signal });
     container.addEventListener("pointermove", (event) => {
-      if (this.view.tool === "polygon") this.drawPath(this.view.picture.pointer(event));
+      if (this.polygon.isChosen) this.polygon.follow(this.view.picture.pointer(event));
       if (!this.paints) return;
       const coalesced = event.getCoalescedEvents?.() ?? [];
       for (const step of coalesced.length ? coalesced : [event]) {
@@ -122,7 +123,7 @@ export class MaskLayer {
 
   /** Takes back what the step that has begun has changed, and the corner that it has set. */
   cancel() {
-    if (this.view.tool === "polygon") this.corners.pop();
+    if (this.polygon.isChosen) this.polygon.corners.pop();
     const { before, box } = this;
     this.before = null;
     if (!before || !box) return;
@@ -150,39 +151,19 @@ export class MaskLayer {
   }
 
   moveCursor(x, y) {
-    this.cursor.position({ x: this.cursor.x() + x * CURSOR_STEP_PX, y: this.cursor.y() + y * CURSOR_STEP_PX });
+    const [stepX, stepY] = [x * CURSOR_STEP_PX, y * CURSOR_STEP_PX];
+    if (this.polygon.isChosen) return this.polygon.move(stepX, stepY);
+    this.cursor.position({ x: this.cursor.x() + stepX, y: this.cursor.y() + stepY });
+    this.view.picture.reveal(this.cursor.position());
     return true;
   }
 
   paintAtCursor() {
-    if (!this.paints) return false;
+    if (!this.paints) return this.polygon.addAtCursor();
     this.begin();
     this.last = this.cursor.position();
     this.stroke(this.last);
     this.end();
-    return true;
-  }
-
-  addCorner(point) {
-    const first = this.corners[0];
-    if (first && this.corners.length > 2 && Math.hypot(point.x - first.x, point.y - first.y) * this.view.picture.zoom < 10) {
-      this.closePolygon(false);
-      return;
-    }
-    this.corners.push(point);
-    this.drawPath(point);
-  }
-
-  drawPath(point) {
-    this.path.visible(this.corners.length > 0);
-    this.path.points([...this.corners, point].flatMap(({ x, y }) => [x, y]));
-  }
-
-  /** Fills the polygon, or cuts it out. */
-  closePolygon(cutsOut) {
-    if (this.view.tool !== "polygon" || this.corners.length < 3) return false;
-    this.combine(this.mask.inPolygon(this.corners), cutsOut);
-    this.cancelPolygon();
     return true;
   }
 
@@ -193,13 +174,6 @@ export class MaskLayer {
     this.box = this.mask.whole;
     this.redraw(this.box);
     this.end();
-  }
-
-  cancelPolygon() {
-    const had = this.corners.length > 0;
-    this.corners = [];
-    this.path.visible(false);
-    return had;
   }
 
   redraw(box) {

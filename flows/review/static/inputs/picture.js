@@ -75,6 +75,13 @@ export class Picture {
     this.place(this.zoom, this.stage.x() + x, this.stage.y() + y);
   }
 
+  /** Moves the picture if a pixel of the full frame lies outside what is shown, so that it is in the middle. */
+  reveal({ x, y }) {
+    const [left, top] = [this.stage.x() + x * this.zoom, this.stage.y() + y * this.zoom];
+    if (left >= 0 && top >= 0 && left <= this.stage.width() && top <= this.stage.height()) return;
+    this.move(this.stage.width() / 2 - left, this.stage.height() / 2 - top);
+  }
+
   place(scale, x, y) {
     this.isFitted = false;
     this.stage.setAttrs({ scaleX: scale, scaleY: scale, x, y });

@@ -21,7 +21,7 @@ const TOOLS = [
   ["brush", "Brush", "b", "paint the object; [ and ] change the size"],
   ["eraser", "Eraser", "e", "take away what is not the object"],
   ["grow", "Grow", "w", "click what belongs to the object and looks alike; Shift+click takes it away; the slider Tolerance adjusts it"],
-  ["polygon", "Polygon", "p", "click corners, Enter fills, Shift+Enter cuts out, Escape cancels"],
+  ["polygon", "Polygon", "p", "click corners, or move the cursor by arrow keys and set them by Enter; Enter on the last or first corner fills, Shift+Enter cuts out, Backspace takes a corner back, Escape cancels"],
   ["region", "Region", "r", "drag the rectangle's corners"],
   ["scale", "Scale", "l", "draw a line of known length"],
   ["camera", "Camera", "c", "drag the cross, where the camera looks straight ahead; the mark on the circle turns the object"],
@@ -65,7 +65,7 @@ class InputsView {
       this.region.root, this.scale.root, this.camera.root, this.pose.root,
     );
     for (const [name, text, key] of TOOLS) {
-      this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: () => this.use(name) }, text, " ", element("kbd", {}, key)));
+      this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: (event) => this.choose(name, event.detail === 0) }, text, " ", element("kbd", {}, key)));
     }
     this.bindKeys();
     this.picture.onclick = (point, event) => this.clicked(point, event);
@@ -117,6 +117,12 @@ class InputsView {
     panel?.root.scrollIntoView({ block: "nearest" });
   }
 
+  /** Uses a tool that was chosen in the toolbar or by its key; keys then go to the picture, not to a button. */
+  choose(tool, byKey) {
+    this.use(tool);
+    if (byKey) this.stage.focus({ preventScroll: true });
+  }
+
   /** Opens the view anew, with what the last run has left. */
   reload() {
     dispatchEvent(new HashChangeEvent("hashchange"));
@@ -150,22 +156,22 @@ class InputsView {
 
   bindKeys() {
     bind([
-      ...TOOLS.map(([name, text, key]) => [key, text.toLowerCase(), () => this.use(name)]),
+      ...TOOLS.map(([name, text, key]) => [key, text.toLowerCase(), () => this.choose(name, true)]),
       ...this.timeline.keys,
-      ["ArrowRight .", "next frame", () => this.nudge(1, 0) || this.step(1)],
-      ["ArrowLeft ,", "frame before", () => this.nudge(-1, 0) || this.step(-1)],
-      ["ArrowUp", "sphere, brush or picture up", () => this.nudge(0, -1) || this.picture.move(0, 60)],
+      ["ArrowRight .", "next frame; sphere, brush or corner to the right", () => this.nudge(1, 0) || this.step(1)],
+      ["ArrowLeft ,", "frame before; or to the left", () => this.nudge(-1, 0) || this.step(-1)],
+      ["ArrowUp", "sphere, brush, corner or picture up", () => this.nudge(0, -1) || this.picture.move(0, 60)],
       ["ArrowDown", "and down", () => this.nudge(0, 1) || this.picture.move(0, -60)],
       ["+ =", "zoom in", () => this.picture.zoomBy(1.25)],
       ["-", "zoom out", () => this.picture.zoomBy(0.8)],
       ["0", "whole picture", () => this.picture.fit()],
       ["[", "smaller brush or sphere", () => this.resize(-1)],
       ["]", "larger brush or sphere", () => this.resize(1)],
-      ["Space", "paint at the cursor of the keyboard; choose or grow from the middle of what is shown", (event) => this.mask.paintAtCursor() || this.choosePixel(event)],
+      ["Space", "paint, or set a corner, at the cursor of the keyboard; choose or grow from the middle of what is shown", (event) => this.mask.paintAtCursor() || this.choosePixel(event)],
       ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
-      ["Delete Backspace", "remove the chosen sphere", () => this.spheres.removeChosen()],
-      ["Enter Shift+Enter", "fill the polygon, fit the sphere", (event) => this.mask.closePolygon(event.shiftKey) || this.spheres.fitChosen()],
-      ["Escape", "cancel", () => this.mask.cancelPolygon() || this.use("look")],
+      ["Delete Backspace", "remove the last corner, or the chosen sphere", () => this.mask.polygon.removeLast() || this.spheres.removeChosen()],
+      ["Enter Shift+Enter", "set a corner; on the last or first one fill the polygon, with Shift cut it out; fit the sphere", (event) => this.mask.polygon.enter(event.shiftKey) || this.spheres.fitChosen()],
+      ["Escape", "cancel", () => this.mask.polygon.cancel() || this.use("look")],
       ["Ctrl+z", "undo", () => this.undo()],
       ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
       ["Ctrl+s", "save", () => this.save.save()],
@@ -185,7 +191,7 @@ class InputsView {
 
   nudge(x, y) {
     if (this.tool === "spheres") return this.spheres.nudge(x, y);
-    if (this.tool === "brush" || this.tool === "eraser") return this.mask.moveCursor(x, y);
+    if (["brush", "eraser", "polygon"].includes(this.tool)) return this.mask.moveCursor(x, y);
     return false;
   }
 

@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from glint.tasks.algorithms.masks.mask_regions import handle_openings
+from glint.tasks.algorithms.masks.mask_regions import handle_openings, object_sizes
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_axes
 
 ROWS, COLUMNS = np.indices((160, 160))
@@ -39,3 +40,33 @@ def test_specks_and_shapes_without_a_body_have_no_opening() -> None:
     shown = corner & (ROWS > 104) & (ROWS < 114) & (COLUMNS > 60) & (COLUMNS < 100)
     assert not any(handle_openings(corner, shown, axis).any() for axis in mirror_axes(corner))
     assert not handle_openings(np.zeros_like(MUG), OPENING, AXIS).any()
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    return np.asarray(np.hypot(COLUMNS - x, ROWS - y) < radius)
+
+
+@pytest.mark.parametrize(
+    ("parts", "count"),
+    [
+        ([(40, 80, 30), (120, 80, 30)], 2),
+        ([(40, 80, 30), (120, 80, 18)], 2),
+        ([(40, 40, 20), (120, 40, 20), (80, 120, 25)], 3),
+        ([(80, 60, 40), (80, 140, 12), (20, 140, 8)], 1),
+        ([(60, 80, 30), (121, 80, 30)], 1),
+        ([(80, 80, 40)], 1),
+        ([], 0),
+    ],
+)
+def test_parts_of_similar_size_are_objects(parts: list[tuple[float, float, float]], count: int) -> None:
+    mask = np.any([disc(*part) for part in parts] + [np.zeros((160, 160), bool)], axis=0)
+    sizes = object_sizes(mask)
+    assert len(sizes) == count
+    assert sizes == sorted((int(disc(*part).sum()) for part in parts), reverse=True)[:count] or count == 1
+
+
+def test_a_foot_without_its_stem_is_no_object() -> None:
+    """The foot of a wine glass seen obliquely, beside its bowl."""
+    bowl = np.hypot((COLUMNS - 80.0) / 40.0, (ROWS - 50.0) / 45.0) < 1.0
+    foot = np.hypot((COLUMNS - 80.0) / 36.0, (ROWS - 145.0) / 9.0) < 1.0
+    assert len(object_sizes(bowl | foot)) == 1
