@@ -81,7 +81,8 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
     of_poses = pose_doubts(registered, surface)
-    output = model_output(registered, with_doubts(surface, views, of_poses), unit, doubts, base, of_poses)
+    surface = with_doubts(surface, views, registered.views, of_poses)
+    output = model_output(registered, surface, unit, doubts, base, of_poses)
     return replace(output, warnings=[*output.warnings, *of_unit])
 
 

@@ -1,5 +1,6 @@
 """Doubts about the poses of a model's views: what their normals say of them, and what they cost."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,10 +83,16 @@ def _doubts_of_normals(registered: RegisteredViews, model: Model) -> PoseDoubts:
     return PoseDoubts(agreement, agreement.trust(), tuple(warnings))
 
 
-def with_doubts(model: Model, views: list[View], doubts: PoseDoubts) -> Model:
-    """Return a model with the confidence that its views deserve."""
-    doubted = [replace(view, trust=view.trust * trust) for view, trust in zip(views, doubts.trust, strict=True)]
-    return with_confidence(doubted, model.vertices, model.triangles, model.cell)
+def with_doubts(model: Model, views: Sequence[View], own: Sequence[View], doubts: PoseDoubts) -> Model:
+    """Return a model with the confidence that its views deserve.
+
+    own: the same views as their own labels have them, which do not derive from a model as those of `views` may.
+    """
+    doubted, independent = (
+        [replace(view, trust=view.trust * trust) for view, trust in zip(labelled, doubts.trust, strict=True)]
+        for labelled in (views, own)
+    )
+    return with_confidence(doubted, model.vertices, model.triangles, model.cell, independent)
 
 
 def _without_comparison(registered: RegisteredViews, agreement: ViewAgreement) -> PoseDoubts:

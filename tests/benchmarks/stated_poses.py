@@ -25,7 +25,8 @@ from glint.tasks.algorithms.multiview.reconstruction import REFINEMENT_ROUNDS, r
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import silhouette_alternatives
 from glint.tasks.algorithms.registration.pose_evidence import best_turns, left_out_misfits, log_ratio
-from glint.tasks.algorithms.registration.registered_views import refine, register_on_turntable
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews, refine, register_on_turntable
+from glint.tasks.algorithms.registration.turntable import relative_turns
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.evaluation.models import load_true_mesh
@@ -53,12 +54,24 @@ def rescaled(number: int, factor: float) -> Case:
     )
 
 
+def exchanged(views: list[View], stated: np.ndarray) -> Stated:
+    """Exchange the angles of the first view and of the one opposite, or nearly."""
+    other = int(np.abs((stated - stated[0]) % 360.0 - 180.0).argmin())
+    result = stated.copy()
+    result[[0, other]] = stated[[other, 0]]
+    return views, result
+
+
 CASES: dict[str, Case] = {
     "right": lambda views, stated: (views, stated),
     "reversed": lambda views, stated: (views, -stated),
     "first+10": turned(0, 10.0),
     "second+10": turned(1, 10.0),
+    "second+20": turned(1, 20.0),
     "second+25": turned(1, 25.0),
+    "third+20": turned(2, 20.0),
+    "third+45": turned(2, 45.0),
+    "exchanged": exchanged,
     "scale+1%": rescaled(2, 1.01),
     "scale+2%": rescaled(2, 1.02),
     "scale-3%": rescaled(2, 0.97),
@@ -66,8 +79,8 @@ CASES: dict[str, Case] = {
 }
 
 
-def merged(views: list[View], stated: np.ndarray) -> tuple[Model, list[str]]:
-    """Return the model of one pass with its doubts, and what is told."""
+def merged(views: list[View], stated: np.ndarray, right: np.ndarray) -> tuple[Model, list[str]]:
+    """Return the model of one pass with its doubts, and what is told; right (V,): the true angles, degrees."""
     registered = register_on_turntable(views, stated.tolist())
     surface = reconstruct_surface(registered.views, rounds=1)
     for _ in range(REFINEMENT_ROUNDS - 1):
@@ -76,7 +89,17 @@ def merged(views: list[View], stated: np.ndarray) -> tuple[Model, list[str]]:
     doubts = pose_doubts(registered, surface)
     messages = [f"{view.name} left out" for view in registered.rejected]
     messages += [warning.message for warning in [*correction_warnings(registered), *doubts.warnings]]
-    return with_doubts(surface, list(registered.views), doubts), messages
+    model = with_doubts(surface, registered.views, registered.views, doubts)
+    return model, [_angles_off(registered, views, right), *messages]
+
+
+def _angles_off(registered: RegisteredViews, views: list[View], right: np.ndarray) -> str:
+    """Return how many degrees the solved angles are off, but for a turn of all."""
+    assert registered.turntable is not None
+    names = [view.name for view in registered.views]
+    true = right[[view.name in names for view in views]]
+    off = np.abs(relative_turns(true, registered.turntable.angles))
+    return f"angles off by {off.mean():.2f} degrees, at most {off.max():.2f}"
 
 
 def evidence(views: list[View], stated: np.ndarray) -> str:
@@ -123,7 +146,7 @@ def main() -> None:
             if options.evidence:
                 print(f"{entry.id}, {len(views)} views, {name}: {evidence(*CASES[name](views, stated))}", flush=True)
                 continue
-            model, messages = merged(*CASES[name](views, stated))
+            model, messages = merged(*CASES[name](views, stated), stated)
         except UnusableCapture as error:
             print(f"{entry.id}, {len(views)} views, {name}: refused: {error}", flush=True)
             continue

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import vertex_normals
 from glint.tasks.algorithms.multiview.raycast import MIN_VISIBLE_COSINE, raycasting_scene, visible
 from glint.tasks.algorithms.multiview.view import View, sample
@@ -29,7 +31,7 @@ class FusedNormals:
     normals (N, 3), world, unit; weight (N,) >= 0, the sum of the views' robust weights; confidence (N,) in 0..1, that
     of the best view, reduced where views disagree, 0 where no view sees the vertex; source_view (N,) int, the view of
     the largest weight, -1 where no view sees the vertex. By view: per_view (V, N, 3), its normals in the world;
-    evidences (V, N), 0 where it does not see the vertex.
+    evidences, confidences (V, N), 0 where it does not see the vertex.
     """
 
     normals: np.ndarray
@@ -38,6 +40,16 @@ class FusedNormals:
     source_view: np.ndarray
     per_view: np.ndarray
     evidences: np.ndarray
+    confidences: np.ndarray
+
+    def confirmation(self, normals: np.ndarray) -> np.ndarray:
+        """Return the probability (N,) that the normal of at least one view is right, and shows that `normals` are.
+
+        normals (N, 3): of the mesh, unit. The angle to a view's normal is taken for the size of an angular error with
+        two normal components; the views' normals err independently.
+        """
+        spread = np.radians(angles(self.per_view, normals)) / np.sqrt(2.0)
+        return np.asarray(1.0 - np.prod(1.0 - self.confidences * probability_within_tolerance(spread), axis=0))
 
 
 def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> FusedNormals:
@@ -69,6 +81,7 @@ def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndar
         source_view=np.where(robust.max(axis=0) > 0, best, -1),
         per_view=per_view,
         evidences=evidences,
+        confidences=confidences,
     )
 
 

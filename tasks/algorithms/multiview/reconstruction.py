@@ -74,16 +74,26 @@ def simplify(model: Model, views: Sequence[View], max_triangles: int) -> Model:
     return with_confidence(views, vertices, triangles, model.cell)
 
 
-def with_confidence(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
+def with_confidence(
+    views: Sequence[View],
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    cell: float,
+    independent: Sequence[View] | None = None,
+) -> Model:
     """Return a mesh, vertices (N, 3) and triangles (M, 3), as a model with the confidence that the views give it.
 
     Where the mesh has not the views' normals, as behind a step or where few silhouettes hold it, theirs say little of
     its own: the angle between them is taken for the size of an angular error with two normal components.
 
-    cell: edge in world units.
+    cell: edge in world units; independent: views whose labels do not derive from a model, where `views` do: a label
+    that follows from the model is no evidence of it, so that nothing is more confident than these confirm it.
     """
     fused = fuse_normals(views, vertices, triangles)
     normals = vertex_normals(vertices, triangles)
     spread = np.radians(angles(normals, fused.normals)) / np.sqrt(2.0)
     confidence = fused.confidence * probability_within_tolerance(spread)
+    if independent is not None:
+        own = fuse_normals(independent, vertices, triangles)
+        confidence = np.minimum(confidence, own.confirmation(normals))
     return Model(vertices, triangles, normals, confidence, fused.source_view, cell)

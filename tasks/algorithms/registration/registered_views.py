@@ -17,7 +17,6 @@ from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_res
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
 from glint.tasks.algorithms.registration.pose_search import refine_pose
 from glint.tasks.algorithms.registration.turntable import (
-    ANGLE_ERROR_DEG,
     LEANS_TO_CAMERA_DEG,
     Turntable,
     calibrate_axis,
@@ -28,7 +27,7 @@ from glint.tasks.algorithms.registration.turntable import (
     turntable_consistency,
     views_on_turntable,
 )
-from glint.tasks.algorithms.registration.view_rejection import RejectedView, reject_inconsistent
+from glint.tasks.algorithms.registration.view_rejection import RejectedView, mistaken_angles, reject_inconsistent
 from glint.tasks.algorithms.registration.view_scales import fit_scales, scaled
 
 MAX_TURN_DEVIATIONS = 1.0
@@ -81,13 +80,14 @@ def register_on_turntable(
         if not views:
             return RegisteredViews(tuple(posed), tuple(rejected), mean_residuals(posed))
         table = calibrate_axis([*views, *posed], initial_turntable(views, angles), LEANS_TO_CAMERA_DEG)
+    stated = np.asarray(angles, float)
+    table, errors = mistaken_angles([*views, *posed], table, stated)
     everything, scales = _rescaled(views_on_turntable([*views, *posed], table), table)
     if scales:
         table = calibrate_axis(everything, table)
-    errors = np.full(len(views), ANGLE_ERROR_DEG)
-    factor = step_factor(everything, table, np.asarray(angles, float))
-    given_angles = factor * np.asarray(angles, float)
-    solved = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
+    factor = step_factor(everything, table, stated, errors)
+    given_angles = factor * stated
+    solved, _ = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
     registered = RegisteredViews(
         everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor, scale_factors=scales
     )
@@ -163,7 +163,7 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
         return registered
     fused = fuse_normals(registered.views, model.vertices, model.triangles)
     normals = turntable_consistency(registered.views, registered.turntable, model.vertices, fused)
-    solved = calibrate_turntable(
+    solved, _ = calibrate_turntable(
         registered.views, registered.turntable, registered.given_angles, normals, registered.angle_errors
     )
     turns = relative_turns(registered.turntable.angles, solved.angles)

@@ -15,7 +15,14 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
-from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
+from glint.tasks.algorithms.registration.turntable import (
+    ANGLE_ERROR_DEG,
+    Turntable,
+    calibrate_axis,
+    calibrate_turntable,
+    relative_turns,
+    views_on_turntable,
+)
 from glint.tasks.algorithms.registration.view_agreement import USUAL_TOTAL_SHARE, view_agreement
 
 MAX_RESIDUAL_PX = 1.0
@@ -27,6 +34,12 @@ FITTING_RESIDUAL_PX = 0.05
 right mask at its angle has 0.01, one that is three pixels too large or too small 0.1 to 0.5 where it fits best."""
 MIN_KEPT_SHARE = 2.0 / 3.0
 """Share of the views that must agree: fewer may agree by chance, on a wrong shape."""
+MISTAKEN_ANGLE_ERROR_DEG, MISTAKE_RATE = 30.0, 0.01
+"""Standard deviation in degrees of a stated angle that is a mistake, and how many are."""
+MIN_DOUBTED_TURN_DEG = 2.0
+"""Turn of a view by the silhouettes from which its angle, or another one, may be a mistake."""
+MIN_TOLD_VIEWS = 5
+"""Views from which it is known which angle is a mistake: fewer agree at many angles."""
 SEARCH_RAYS, LAST_RAYS = 24, 96
 """Rays by which the angle of a rejected view is searched, and in the last step, in which few rays hardly differ."""
 
@@ -86,6 +99,37 @@ def reject_inconsistent(
             reason += f"; it would fit at {angle % 360:.1f} degrees, {change:+.1f} from the given angle"
         rejected.append(RejectedView(views[worst].name, reason, angle))
     return kept, rejected
+
+
+def mistaken_angles(views: Sequence[View], table: Turntable, stated: np.ndarray) -> tuple[Turntable, np.ndarray]:
+    """Return a turntable with the mistakes among its stated angles solved, and the angles' standard deviations (K,).
+
+    Most angles are stated to a degree, a few are mistakes: their errors have a heavy tail. Silhouettes that agree
+    nearly as well at many angles would spread a mistake over several views. So each angle in turn is taken for the
+    mistake, and the best of these fits counts if it is more probable than that without (a mixture of two normal
+    distributions).
+
+    views: those on the table first; table: its axis fitted at the stated angles (K,), degrees.
+    """
+    errors = np.full(len(stated), ANGLE_ERROR_DEG)
+    solved, cost = calibrate_turntable(views, table, stated, angle_errors=errors)
+    least_gain = np.log(MISTAKEN_ANGLE_ERROR_DEG / ANGLE_ERROR_DEG) - np.log(MISTAKE_RATE)
+    while len(views) >= MIN_TOLD_VIEWS and (errors > ANGLE_ERROR_DEG).sum() < (1.0 - MIN_KEPT_SHARE) * len(views) - 1.0:
+        held = errors == ANGLE_ERROR_DEG
+        if np.abs(relative_turns(stated, solved.angles))[held].max() < MIN_DOUBTED_TURN_DEG:
+            break
+        fits = {}
+        for number in np.flatnonzero(held):
+            loosened = np.where(np.arange(len(stated)) == number, MISTAKEN_ANGLE_ERROR_DEG, errors)
+            fits[number] = calibrate_turntable(views, table, stated, angle_errors=loosened)
+        best = min(fits, key=lambda number: fits[number][1])
+        if cost - fits[best][1] < least_gain:
+            break
+        errors[best] = MISTAKEN_ANGLE_ERROR_DEG
+        solved, cost = calibrate_turntable(views, fits[best][0], stated, angle_errors=errors)
+        corrected = np.where(errors > ANGLE_ERROR_DEG, solved.angles, stated)
+        table = calibrate_axis(views, replace(solved, angles=corrected))
+    return table, errors
 
 
 def _posed(views: Sequence[View], table: Turntable | None) -> list[View]:

@@ -30,7 +30,7 @@ def test_a_turntable_that_turned_the_other_way_leaves_nothing_confident() -> Non
     (warning,) = doubts.warnings
     assert warning.message.startswith("the normals of the views contradict their poses")
     assert "negate all angles" in warning.message
-    before, after = model.confidence, with_doubts(model, list(registered.views), doubts).confidence
+    before, after = model.confidence, with_doubts(model, registered.views, registered.views, doubts).confidence
     assert before.max() > 0.9 and after.max() < 0.6
 
 

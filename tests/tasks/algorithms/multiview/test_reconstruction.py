@@ -45,6 +45,23 @@ def model(upright: list[View], hull: Model) -> Model:
     return reconstruct_surface(upright, hull, rounds=2, steps=5)
 
 
+def test_labels_that_derive_from_a_model_do_not_confirm_it(upright: list[View], truth: trimesh.Trimesh) -> None:
+    """Views labelled again have the model's normals, and are sure of them; their own labels are not."""
+    model = true_model(truth)
+    sure, unsure = (
+        [view.with_normals(raycast(model, view)[1], np.where(view.mask, level, np.nan)) for view in upright]
+        for level in (0.98, 0.5)
+    )
+    mesh = model.vertices, model.triangles, model.cell
+    alone, confirmed, unconfirmed = (with_confidence(sure, *mesh, independent=own) for own in (None, sure, unsure))
+    assert np.median(alone.confidence) > 0.95 and np.median(confirmed.confidence) > 0.95
+    seen_twice = (fuse_normals(unsure, *mesh[:2]).confidences > 0.4).sum(axis=0) == 2
+    assert seen_twice.sum() > 30 and 0.6 < np.median(unconfirmed.confidence[seen_twice]) < 0.76
+    wrong = [view.with_normals(view.normals[..., [1, 0, 2]], view.evidence) for view in sure]
+    contradicted = with_confidence(sure, *mesh, independent=wrong).confidence
+    assert np.median(contradicted) < 0.4
+
+
 def scored(model: Model, truth: trimesh.Trimesh) -> ModelScore:
     return score_model(model.vertices, model.triangles, truth, 20_000)
 

@@ -9,7 +9,8 @@ from scipy import ndimage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.registered_views import register_by_matrices, register_on_turntable
-from glint.tasks.algorithms.registration.turntable import Turntable
+from glint.tasks.algorithms.registration.turntable import ANGLE_ERROR_DEG, Turntable, relative_turns
+from glint.tasks.algorithms.registration.view_rejection import mistaken_angles
 from tests.tasks.algorithms.multiview.figurine import body, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)
@@ -53,3 +54,18 @@ def test_of_three_views_that_all_contradict_each_other_none_is_known_to_be_right
         register_by_matrices([views[0], raised, lowered])
     assert "check the poses of all views" in caught.value.remedy
     assert [view.name for view in register_by_matrices([views[0], raised, views[4]]).rejected] == ["view-2"]
+
+
+@pytest.mark.long
+def test_a_mistake_among_the_stated_angles_leaves_the_others_where_they_are(views: list[View]) -> None:
+    stated = ANGLES + 12.0 * (np.arange(8) == 1)
+    registered = register_on_turntable(views, stated.tolist())
+    assert registered.turntable is not None and not registered.rejected
+    assert np.abs(relative_turns(ANGLES, registered.turntable.angles)).max() < 0.3
+    assert (registered.angle_errors > ANGLE_ERROR_DEG).tolist() == (stated != ANGLES).tolist()
+
+
+def test_angles_that_are_right_are_held(views: list[View]) -> None:
+    table = Turntable(2.0, 0.0, 0.0, ANGLES)
+    same, errors = mistaken_angles(views, table, ANGLES)
+    assert same is table and (errors == ANGLE_ERROR_DEG).all()
