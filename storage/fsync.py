@@ -1,11 +1,14 @@
 """Force files and folders onto the disk, so that acknowledged data survive a crash of the machine."""
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
 CLOCK_LAG_SECONDS = 0.1
 """Largest lag of modification times behind the system clock."""
+N_FLUSHES = 8
+"""Files that are flushed at once: a file system writes its journal once for all that wait for it."""
 
 
 def flush(path: Path) -> None:
@@ -31,10 +34,11 @@ def flush_new_tree(root: Path, top: Path) -> None:
 def flush_tree(root: Path, since: float) -> None:
     """Force files and folders below `root` onto the disk that were written at or after `since` (seconds, Unix time)."""
     since -= CLOCK_LAG_SECONDS
-    for folder, _, names in os.walk(root):
-        for name in names:
-            path = Path(folder, name)
-            if path.stat().st_mtime >= since:
-                flush(path)
-        if Path(folder).stat().st_mtime >= since:
-            flush(Path(folder))
+    written = [
+        path
+        for folder, _, names in os.walk(root)
+        for path in (*(Path(folder, name) for name in names), Path(folder))
+        if path.stat().st_mtime >= since
+    ]
+    with ThreadPoolExecutor(N_FLUSHES) as pool:
+        list(pool.map(flush, written))
