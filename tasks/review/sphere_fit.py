@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from glint.storage.inputs.masks_and_truth import camera_matrix
-from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.sphere_checks.given_circle import confirm_sphere
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, frame_sample
 from glint.tasks.stages.frame_parts import check_camera, check_spheres

@@ -10,13 +10,7 @@ import numpy as np
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
 from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
-from glint.tasks.algorithms.lighting.spheres import (
-    UNKNOWN_DEVIATION_RATIO,
-    ConfirmedSphere,
-    Sphere,
-    confirm_sphere,
-    judged,
-)
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     MIN_CONTRADICTION_DEVIATIONS,
     SYSTEMATIC_RATIO,
@@ -24,6 +18,13 @@ from glint.tasks.algorithms.sphere_checks.circle_check import (
     check_circle,
     contradicts,
     radius_lacking,
+)
+from glint.tasks.algorithms.sphere_checks.given_circle import (
+    HAND_REACH_RATIO,
+    UNKNOWN_DEVIATION_RATIO,
+    ConfirmedSphere,
+    confirm_sphere,
+    judged,
 )
 from glint.tasks.engine.stage_warning import StageWarning
 
@@ -64,10 +65,20 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
     if check.is_contradicted:
         return _against_highlights(given, confirmed, check)
     if confirmed.is_corrected:
-        # An edge inside the contour that touches it has a smaller radius as well as another centre.
+        # An edge inside the contour that touches it has a smaller radius as well as another centre. Whoever drew the
+        # given circle bounds how much smaller.
+        largest = (1.0 + HAND_REACH_RATIO) * given.radius
         lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
+        lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
         used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
         return used, _correction(given, confirmed.fit, used)
+    if confirmed.is_disputed:
+        fit = confirmed.fit
+        message = (
+            f"{_place(given)} is used as it is, although a circle at ({fit.x:.1f}, {fit.y:.1f}) with radius"
+            f" {fit.radius:.1f} is clearer: compare both with the frame, and put a plain background behind the sphere"
+        )
+        return confirmed.sphere, _warning(message, confirmed.sphere)
     if confirmed.is_clear:
         return confirmed.sphere, None
     message = (

@@ -20,19 +20,6 @@ MIN_CLEAR_CONTRAST = 0.12
 MIN_CORRECTION_RATIO, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS = 0.012, 0.75, 2.0
 """Difference from a given circle, in radii, in pixels and in standard deviations, from which the fit replaces it: the
 rim of a small sphere is sampled too coarsely to contradict less."""
-MAX_START_RATIO = 0.9
-"""Contrast of a given circle, relative to that of the fit, up to which the fit replaces it: an ellipse has no better
-circle than the given one."""
-MAX_INNER_START_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
-"""The same for a fit inside the given circle, by how far it reaches in radii of that: edges inside the contour, such as
-those of a mirrored object, may be stronger than its own."""
-RIVAL_DOUBT_POWER = 4.0
-"""Power of that relative contrast by which a given circle that is replaced adds to the standard deviation: two circles
-of nearly the same contrast leave it open which is the contour."""
-GIVEN_REACH_RATIO = 0.08
-"""Distance from a given circle that is searched, in radii: by hand one errs by 6%."""
-UNKNOWN_DEVIATION_RATIO = 0.02
-"""Standard deviation, in radii, of a given circle, by itself."""
 MIN_OBSERVABLE_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the steepest half vector of a light before the object."""
 CROP_MARGIN_RATIO = 0.35
@@ -98,91 +85,20 @@ def measure_sphere(
             sees its contour as a circle.
         refined: allow for shadows and mirrored objects, in three times the time.
     """
-    return _measured(frames, sphere, centre_reach, radius_reach, camera, refined)[0]
-
-
-@dataclass(frozen=True, slots=True)
-class ConfirmedSphere:
-    """A given sphere and what the frames show of it.
-
-    sphere: what is to be used. fit: what was measured. is_clear: whether the contour is seen. is_corrected: whether the
-    fit replaces the given circle. given_contrast: contrast of the given circle relative to that of the fit, 0 where the
-    contour is not seen.
-    """
-
-    sphere: Sphere
-    fit: Sphere
-    is_clear: bool
-    is_corrected: bool
-    given_contrast: float = 0.0
-
-
-def confirm_sphere(
-    frames: Sequence[np.ndarray] | np.ndarray, given: Sphere, *, camera: np.ndarray | None = None
-) -> ConfirmedSphere:
-    """Measure a given sphere; the fit replaces it where its contour is clear and lies elsewhere.
-
-    Args: see `measure_sphere`.
-    """
-    fit, start_contrast = _measured(frames, given, GIVEN_REACH_RATIO, GIVEN_REACH_RATIO, camera, refined=True)
-    return judged(given, fit, start_contrast)
-
-
-def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
-    """Return which of a given circle and a measured one is to be used, and how well it is known.
-
-    Args:
-        given: as the user states it.
-        fit: its score is the contrast of its contour.
-        contrast: of the given circle.
-    """
-    if fit.score < MIN_CLEAR_CONTRAST:
-        deviation = UNKNOWN_DEVIATION_RATIO * given.radius
-        return ConfirmedSphere(
-            replace(given, centre_sd=deviation, radius_sd=deviation), fit, is_clear=False, is_corrected=False
-        )
-    distance, difference = given.distance(fit), abs(given.radius - fit.radius)
-    is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
-    given_contrast = contrast / fit.score
-    is_corrected = given_contrast < (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) and (
-        distance > _least_correction(given.radius, fit.centre_sd) or is_radius_corrected(given.radius, fit)
-    )
-    if is_corrected:
-        # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
-        rival = max(given_contrast, 0.0) ** RIVAL_DOUBT_POWER
-        doubt = max((MIN_CLEAR_CONTRAST / fit.score) ** 2, rival)
-        deviations = (
-            float(np.hypot(fit.centre_sd, doubt * distance)),
-            float(np.hypot(fit.radius_sd, doubt * difference)),
-        )
-        used = replace(fit, centre_sd=deviations[0], radius_sd=deviations[1])
-        return ConfirmedSphere(used, fit, is_clear=True, is_corrected=True, given_contrast=given_contrast)
-    own = UNKNOWN_DEVIATION_RATIO * given.radius
-    centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
-    sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
-    return ConfirmedSphere(sphere, fit, is_clear=True, is_corrected=False, given_contrast=given_contrast)
+    return measured_with_start(frames, sphere, centre_reach, radius_reach, camera, refined)[0]
 
 
 def is_radius_corrected(given: float, measured: Sphere) -> bool:
     """Return whether a measured radius differs from a given one, in pixels, by more than it is uncertain."""
-    return abs(given - measured.radius) > _least_correction(given, measured.radius_sd)
+    return abs(given - measured.radius) > least_correction(given, measured.radius_sd)
 
 
-def _least_correction(radius: float, deviation: float) -> float:
+def least_correction(radius: float, deviation: float) -> float:
     """Return the difference, in pixels, from which a measured value contradicts a given circle of some radius."""
     return max(MIN_CORRECTION_RATIO * radius, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS * deviation)
 
 
-def _given_deviation(given: float, fitted: float, difference: float) -> float:
-    """Return the standard deviation of a given value beside a fitted one that differs, by those of the two.
-
-    It is the RMS distance of the given value from what the two say together, in the units of the arguments.
-    """
-    share = given**2 / (given**2 + fitted**2)
-    return float(np.hypot(np.sqrt(share) * fitted, share * difference))
-
-
-def _measured(
+def measured_with_start(
     frames: Sequence[np.ndarray] | np.ndarray,
     sphere: Sphere,
     centre_reach: float,
@@ -195,7 +111,7 @@ def _measured(
         virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
         centred = replace(sphere, x=virtual.centre, y=virtual.centre)
         warped = [virtual.warp(np.asarray(frame, np.float32)) for frame in frames]
-        circle, start = _measured(warped, centred, centre_reach, radius_reach, None, refined)
+        circle, start = measured_with_start(warped, centred, centre_reach, radius_reach, None, refined)
         x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
         return replace(circle, x=x, y=y, radius=radius), start
     margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius

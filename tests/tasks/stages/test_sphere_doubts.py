@@ -1,12 +1,16 @@
 """Doubt of spheres: small ones that were found, and what their fits leave uncertain in the half vectors."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, Lights
-from glint.tasks.algorithms.lighting.spheres import ConfirmedSphere, Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
-from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
+from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, circle_of_highlights
+from glint.tasks.algorithms.sphere_checks.given_circle import ConfirmedSphere
 from glint.tasks.stages import sphere_doubts as doubts_module
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, spheres_error, sweep_error
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
@@ -87,6 +91,19 @@ def test_a_given_circle_without_an_edge_of_its_own_gives_way_to_one_that_the_hig
     (used,), (warning,) = confirm_given(frames, [given], None)
     assert used.distance(truth) < 0.02 * truth.radius and abs(used.radius - truth.radius) < 0.02 * truth.radius
     assert "which is used: correct `spheres`" in warning.message
+
+
+def test_a_corrected_radius_is_doubted_no_further_than_hands_err(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blurred highlights allow a far larger sphere, but whoever drew the circle saw none."""
+    truth = Sphere(58.3, 60.8, 30.4, 0.4, 0.2, 0.2)
+    confirmed = ConfirmedSphere(truth, truth, is_clear=True, is_corrected=True)
+    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+    frames = np.stack([cv2.GaussianBlur(frame, (0, 0), 2.0) for frame in mirrored_lamp(truth, lamps(120))])
+    shapes = circle_of_highlights(frames, truth)
+    assert shapes is not None and radius_lacking(truth, shapes) > 0.15 * truth.radius
+    given = replace(truth, radius=0.97 * truth.radius)
+    (used,), _ = confirm_given(frames, [given], None)
+    assert used.radius == truth.radius and 0.2 < used.radius_sd < 0.05 * truth.radius
 
 
 def test_what_a_radius_lacks_of_the_largest_one_is_doubt() -> None:

@@ -9,7 +9,7 @@ from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, outermost
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
-from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere, measure_sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 from tests.pictures import read_picture
 from tests.tasks.algorithms.lighting.chrome_table import Scene, glossy_sphere, render
 
@@ -86,63 +86,6 @@ def test_the_deviation_of_a_fit_covers_its_error() -> None:
         ratios.append(np.hypot(fit.x - truth.x, fit.y - truth.y) / fit.centre_sd)
         assert 0.001 < fit.centre_sd / truth.radius < 0.02
     assert np.sqrt(np.mean(np.square(ratios))) < 2.0
-
-
-def test_a_given_circle_that_is_wrong_is_corrected_and_a_right_one_kept() -> None:
-    truth = Sphere(150.3, 110.8, 50.0)
-    frames = render(Scene([truth]))
-    wrong = confirm_sphere(frames, Sphere(153.3, 110.8, 47.0))
-    assert wrong.is_clear
-    assert wrong.is_corrected
-    assert wrong.sphere.centre_sd > wrong.fit.centre_sd, "the given circle speaks against the fit"
-    assert_near(wrong.sphere, truth, 0.015)
-    right = confirm_sphere(frames, truth)
-    assert not right.is_corrected
-    assert (right.sphere.x, right.sphere.y, right.sphere.radius) == (truth.x, truth.y, truth.radius)
-    assert right.sphere.centre_sd > 0.0
-
-
-def sphere_with_a_stronger_edge_inside(hidden_deg: float) -> tuple[np.ndarray, Sphere]:
-    """Frames of a disc whose contour vanishes over an arc, before a darker disc that touches its other side."""
-    generator, (rows, columns) = np.random.default_rng(0), np.mgrid[:220, :300]
-    contour, inner = Sphere(150.0, 110.0, 50.0), Sphere(154.0, 110.0, 46.0)
-    image = np.ones(rows.shape)
-    image[np.hypot(columns - contour.x, rows - contour.y) < contour.radius] = 0.5
-    image[np.abs(np.degrees(np.arctan2(rows - contour.y, contour.x - columns))) < 0.5 * hidden_deg] = 1.0
-    image[np.hypot(columns - inner.x, rows - inner.y) < inner.radius] = 0.3
-    levels = generator.uniform(60.0, 200.0, (16, 1, 1))
-    frames = np.clip(image * levels + generator.normal(0.0, 2.0, (16, *image.shape)), 0.0, 255.0).astype(np.uint8)
-    return frames, contour
-
-
-def test_a_given_circle_around_a_little_stronger_one_stands_and_is_doubted() -> None:
-    frames, contour = sphere_with_a_stronger_edge_inside(108.0)
-    confirmed = confirm_sphere(frames, contour)
-    assert confirmed.fit.distance(contour) > 3.0
-    assert not confirmed.is_corrected and (confirmed.sphere.x, confirmed.sphere.radius) == (contour.x, contour.radius)
-    assert confirmed.sphere.centre_sd > 2.0 and confirmed.sphere.radius_sd > 2.0
-
-
-def test_a_fit_that_replaces_a_circle_of_nearly_its_contrast_is_doubted() -> None:
-    frames, contour = sphere_with_a_stronger_edge_inside(130.0)
-    confirmed = confirm_sphere(frames, contour)
-    assert confirmed.is_corrected
-    assert confirmed.sphere.centre_sd > 0.25 * confirmed.fit.distance(contour) > 3.0 * confirmed.fit.centre_sd
-
-
-def test_a_given_circle_where_nothing_is_seen_is_doubted() -> None:
-    frames = np.random.default_rng(0).normal(90.0, 2.0, (12, 220, 300)).clip(0, 255).astype(np.uint8)
-    confirmed = confirm_sphere(frames, Sphere(150.0, 110.0, 50.0))
-    assert not confirmed.is_clear
-    assert confirmed.sphere.centre_sd == pytest.approx(1.0)
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("radius", [1e-6, 0.5, 2.0, 8.0])
-def test_however_small_a_given_circle_is_something_finite_is_measured(radius: float) -> None:
-    frames = list(np.random.default_rng(0).integers(0, 255, (32, 80, 90)).astype(np.uint8))
-    fit = confirm_sphere(frames, Sphere(40.0, 30.0, radius)).fit
-    assert np.isfinite([fit.x, fit.y, fit.radius, fit.score]).all() and abs(fit.radius - radius) < radius
 
 
 @pytest.mark.parametrize("value", [0, 128, 255])
