@@ -15,7 +15,8 @@ from glint.storage.footage.copies import image_files
 from glint.storage.footage.images import SUFFIXES
 from glint.storage.inputs.heads import SINGLE_FILES, check_head
 from glint.storage.locations.error_translation import store_errors
-from glint.storage.locations.input_files import MISSING_REMEDY, Address, expand, locate
+from glint.storage.locations.file_states import file_stamp
+from glint.storage.locations.input_files import Address, expand, locate
 from glint.storage.locations.location import Location
 from glint.storage.locations.time_limit import within_time
 from glint.storage.seals import digest_of
@@ -86,31 +87,6 @@ def _names(files: Sequence[Location]) -> list[str]:
     """Return the files' paths from the folder that contains all of them, which may be moved."""
     folder = posixpath.commonpath([file.parent.path for file in files])
     return [file.path.removeprefix(folder).lstrip("/") for file in files]
-
-
-def file_stamp(file: Location) -> list[Any]:
-    """Return values that change whenever a file's content does, without reading it.
-
-    These are size, time of modification and time of change (nanoseconds) and the file's number on its disk; in an
-    object store size and entity tag.
-
-    Raises:
-        InputError: missing or unreadable; StoreError: the object store cannot be read.
-    """
-    try:
-        if file.local is not None:
-            status = file.local.stat()
-            return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
-        with store_errors(file.uri, "looking at an input"):
-            try:
-                meta = obstore.head(file.parent.obstore(), file.name)
-            except FileNotFoundError as error:
-                raise InputError(f"{file.uri} does not exist", MISSING_REMEDY) from error
-            return [meta["size"], meta["e_tag"] or meta["last_modified"].isoformat()]
-    except FileNotFoundError as error:
-        raise InputError(f"{file.uri} does not exist", MISSING_REMEDY) from error
-    except OSError as error:
-        raise InputError(f"{file.uri} cannot be read ({error.strerror})", "check its permissions") from error
 
 
 def exists(file: Location) -> bool:

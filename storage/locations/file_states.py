@@ -1,8 +1,8 @@
-"""What tells whether files may have the same content before they are read: size, last change, some of their bytes."""
+"""What tells, before files are read, whether one has changed or two may be alike: size, last change, some bytes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import obstore
 
@@ -14,10 +14,35 @@ from glint.storage.locations.location import Location
 
 @dataclass(frozen=True, slots=True)
 class FileState:
-    """size: in bytes; change: time of modification in nanoseconds or, in an object store, entity tag."""
+    """size: in bytes; change: what changes with the content, see `file_stamp`."""
 
     size: int
     change: str
+
+
+def file_stamp(file: Location) -> list[Any]:
+    """Return values that change whenever a file's content does, without reading it.
+
+    These are size, time of modification and time of change (nanoseconds) and the file's number on its disk; in an
+    object store size and entity tag.
+
+    Raises:
+        InputError: missing or unreadable; StoreError: the object store cannot be read.
+    """
+    try:
+        if file.local is not None:
+            status = file.local.stat()
+            return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+        with store_errors(file.uri, "looking at an input"):
+            try:
+                meta = obstore.head(file.parent.obstore(), file.name)
+            except FileNotFoundError as error:
+                raise InputError(f"{file.uri} does not exist", MISSING_REMEDY) from error
+            return _remote_stamp(meta)
+    except FileNotFoundError as error:
+        raise InputError(f"{file.uri} does not exist", MISSING_REMEDY) from error
+    except OSError as error:
+        raise InputError(f"{file.uri} cannot be read ({error.strerror})", "check its permissions") from error
 
 
 def file_states(files: Sequence[Location]) -> list[FileState]:
@@ -31,8 +56,8 @@ def file_states(files: Sequence[Location]) -> list[FileState]:
         with store_errors(folder.uri, "listing an input"):
             for meta in obstore.list_with_delimiter(folder.obstore())["objects"]:
                 name = meta["path"].rpartition("/")[2]
-                listed[folder.child(name)] = FileState(meta["size"], meta["e_tag"] or meta["last_modified"].isoformat())
-    return [_remote_state(file, listed) if file.local is None else _local_state(file.local) for file in files]
+                listed[folder.child(name)] = _state(_remote_stamp(meta))
+    return [listed.get(file) or _state(file_stamp(file)) for file in files]
 
 
 def read_part(file: Location, start: int, length: int) -> bytes:
@@ -52,17 +77,10 @@ def read_part(file: Location, start: int, length: int) -> bytes:
         raise InputError(f"{file.uri} cannot be read ({error.strerror})", "check its permissions") from error
 
 
-def _remote_state(file: Location, listed: dict[Location, FileState]) -> FileState:
-    if file not in listed:
-        raise InputError(f"{file.uri} does not exist", MISSING_REMEDY)
-    return listed[file]
+def _remote_stamp(meta: Mapping[str, Any]) -> list[Any]:
+    return [meta["size"], meta["e_tag"] or meta["last_modified"].isoformat()]
 
 
-def _local_state(path: Path) -> FileState:
-    try:
-        status = path.stat()
-    except FileNotFoundError as error:
-        raise InputError(f"{path} does not exist", MISSING_REMEDY) from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})", "check its permissions") from error
-    return FileState(status.st_size, str(status.st_mtime_ns))
+def _state(stamp: list[Any]) -> FileState:
+    size, *change = stamp
+    return FileState(size, str(change))

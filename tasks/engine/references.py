@@ -8,7 +8,7 @@ from pathlib import Path
 
 from glint.storage.catalogue.loading import Catalogue, Object, load
 from glint.storage.errors import InputError
-from glint.storage.inputs.digests import file_stamp
+from glint.storage.locations.file_states import file_stamp
 from glint.storage.locations.location import Location
 from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.parameters import Parameters

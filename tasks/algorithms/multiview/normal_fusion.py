@@ -45,11 +45,17 @@ class FusedNormals:
     def confirmation(self, normals: np.ndarray) -> np.ndarray:
         """Return the probability (N,) that the normal of at least one view is right, and shows that `normals` are.
 
-        normals (N, 3): of the mesh, unit. The angle to a view's normal is taken for the size of an angular error with
-        two normal components; the views' normals err independently.
+        normals (N, 3): of the mesh, unit. The views' normals err independently.
         """
-        spread = np.radians(angles(self.per_view, normals)) / np.sqrt(2.0)
-        return np.asarray(1.0 - np.prod(1.0 - self.confidences * probability_within_tolerance(spread), axis=0))
+        return np.asarray(1.0 - np.prod(1.0 - self.confidences * agreement(self.per_view, normals), axis=0))
+
+
+def agreement(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the probability (...) that normals (..., 3) are right together, if one of the two is.
+
+    The angle between them is taken for the size of an angular error with two normal components.
+    """
+    return probability_within_tolerance(np.radians(angles(first, second)) / np.sqrt(2.0))
 
 
 def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> FusedNormals:

@@ -9,11 +9,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import Model, decimated, vertex_normals
 from glint.tasks.algorithms.multiview.mesh_refinement import refine_mesh
-from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
+from glint.tasks.algorithms.multiview.normal_fusion import agreement, fuse_normals
 from glint.tasks.algorithms.multiview.poisson import poisson_reconstruction
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
@@ -91,8 +89,7 @@ def with_confidence(
     """
     fused = fuse_normals(views, vertices, triangles)
     normals = vertex_normals(vertices, triangles)
-    spread = np.radians(angles(normals, fused.normals)) / np.sqrt(2.0)
-    confidence = fused.confidence * probability_within_tolerance(spread)
+    confidence = fused.confidence * agreement(normals, fused.normals)
     if independent is not None:
         own = fuse_normals(independent, vertices, triangles)
         confidence = np.minimum(confidence, own.confirmation(normals))
