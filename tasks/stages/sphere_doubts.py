@@ -20,10 +20,10 @@ from glint.tasks.algorithms.sphere_checks.circle_check import (
     radius_lacking,
 )
 from glint.tasks.algorithms.sphere_checks.given_circle import (
-    HAND_REACH_RATIO,
     UNKNOWN_DEVIATION_RATIO,
     ConfirmedSphere,
     confirm_sphere,
+    hand_reach,
     judged,
 )
 from glint.tasks.engine.stage_warning import StageWarning
@@ -67,7 +67,7 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
     if confirmed.is_corrected:
         # An edge inside the contour that touches it has a smaller radius as well as another centre. Whoever drew the
         # given circle bounds how much smaller.
-        largest = (1.0 + HAND_REACH_RATIO) * given.radius
+        largest = given.radius + hand_reach(given.radius)
         lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
         lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
         used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))

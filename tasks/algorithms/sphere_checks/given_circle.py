@@ -26,10 +26,10 @@ MAX_INNER_START_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
 those of a mirrored object, may be stronger than its own."""
 GIVEN_REACH_RATIO = 0.08
 """Distance from a given circle that is searched, in radii."""
-HAND_REACH_RATIO, HAND_POWER, LEAST_WEIGHT = 0.07, 6.0, 0.15
-"""Error of a circle drawn by hand, in radii, beyond which a fit is hardly such a correction: its contrast is weighted
-by exp(-d ** 6 / 2) at d times this distance, or by the least weight, as nothing at all may be seen at the given circle
-(`python -m tests.benchmarks.spheres_given`)."""
+HAND_REACH_RATIO, HAND_REACH_PX, HAND_POWER, LEAST_WEIGHT = 0.07, 1.5, 10.0, 0.15
+"""Error of a circle drawn by hand, in radii and at least in pixels, beyond which a fit is hardly such a correction: its
+contrast is weighted by exp(-d ** 10 / 2) at d times this distance, or by the least weight, as nothing at all may be
+seen at the given circle (`python -m tests.benchmarks.spheres_given`)."""
 RIVAL_DOUBT_POWER = 4.0
 """Power of the relative contrast by which a given circle that is replaced adds to the standard deviation: two circles
 of nearly the same contrast leave it open which is the contour."""
@@ -101,9 +101,14 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
     )
 
 
+def hand_reach(radius: float) -> float:
+    """Return the error, in pixels, of circles of some radius that are drawn by hand."""
+    return max(HAND_REACH_RATIO * radius, HAND_REACH_PX)
+
+
 def _hand_weight(given: Sphere, fit: Sphere) -> float:
     """Return the weight of a fit's contrast by how far centre or radius lie from those of a given circle."""
-    distance = max(given.distance(fit), abs(given.radius - fit.radius)) / (HAND_REACH_RATIO * given.radius)
+    distance = max(given.distance(fit), abs(given.radius - fit.radius)) / hand_reach(given.radius)
     return max(float(np.exp(-0.5 * distance**HAND_POWER)), LEAST_WEIGHT)
 
 

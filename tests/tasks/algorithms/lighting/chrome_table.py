@@ -99,6 +99,12 @@ def glossy_sphere(frames: np.ndarray, sphere: Sphere, tilt_deg: float = 10.0) ->
     return drawn
 
 
+def assert_near(found: Sphere, truth: Sphere, share: float = 0.01) -> None:
+    """Assert that a circle's centre and radius are those of the true one, within a share of its radius."""
+    error = max(abs(found.x - truth.x), abs(found.y - truth.y), abs(found.radius - truth.radius))
+    assert error <= share * truth.radius, (found, truth)
+
+
 def _centre(sphere: Sphere, up: np.ndarray) -> np.ndarray:
     """Return the centre of a sphere that lies on the table and is seen at its place in the image."""
     x, y = sphere.x, -sphere.y

@@ -11,12 +11,7 @@ from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, outer
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 from tests.pictures import read_picture
-from tests.tasks.algorithms.lighting.chrome_table import Scene, glossy_sphere, render
-
-
-def assert_near(found: Sphere, truth: Sphere, share: float = 0.01) -> None:
-    error = max(abs(found.x - truth.x), abs(found.y - truth.y), abs(found.radius - truth.radius))
-    assert error <= share * truth.radius, (found, truth)
+from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, glossy_sphere, render
 
 
 def find(scene: Scene) -> list[Sphere]:

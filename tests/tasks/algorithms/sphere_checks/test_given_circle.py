@@ -1,16 +1,13 @@
 """Circles that a person gave beside those that the frames show: which is used, and how well it is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.given_circle import confirm_sphere, judged
-from tests.tasks.algorithms.lighting.chrome_table import Scene, render
-
-
-def assert_near(found: Sphere, truth: Sphere, share: float) -> None:
-    error = max(abs(found.x - truth.x), abs(found.y - truth.y), abs(found.radius - truth.radius))
-    assert error <= share * truth.radius, (found, truth)
+from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render
 
 
 def test_a_given_circle_that_is_wrong_is_corrected_and_a_right_one_kept() -> None:
@@ -71,7 +68,7 @@ GIVEN, NEAR, FAR = (
 )
 
 
-def test_the_farther_a_fit_lies_from_a_given_circle_the_clearer_it_must_be() -> None:
+def test_a_fit_farther_from_a_given_circle_than_hands_err_is_another_edge() -> None:
     """By hand nobody is off by a sixth of the radius: what is seen there is another edge."""
     near, far = (judged(GIVEN, fit, 0.5 * fit.score) for fit in (NEAR, FAR))
     assert near.is_corrected and not near.is_disputed
@@ -79,6 +76,13 @@ def test_the_farther_a_fit_lies_from_a_given_circle_the_clearer_it_must_be() -> 
     assert (far.sphere.x, far.sphere.radius) == (GIVEN.x, GIVEN.radius)
     assert far.sphere.centre_sd > 0.05 * GIVEN.radius, "the clearer circle speaks against the given one"
     assert judged(GIVEN, FAR, 0.0).is_corrected, "nothing is seen at the given circle"
+
+
+def test_of_a_small_circle_a_pixel_is_no_large_error() -> None:
+    given, fit = Sphere(50.0, 50.0, 10.0), Sphere(51.2, 50.0, 10.0, 0.4, 0.2, 0.2)
+    assert judged(given, fit, 0.5 * fit.score).is_corrected
+    larger = [replace(circle, x=4.0 * circle.x, radius=4.0 * circle.radius) for circle in (given, fit)]
+    assert judged(larger[0], larger[1], 0.5 * fit.score).is_disputed
 
 
 def test_a_fit_that_replaces_a_circle_of_nearly_its_contrast_is_doubted() -> None:
