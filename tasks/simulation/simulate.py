@@ -20,6 +20,7 @@ from glint.tasks.algorithms.simulation.options import DEFAULT_PRESET, DEGRADED, 
 from glint.tasks.algorithms.simulation.ray_tracing import Scene
 from glint.tasks.algorithms.simulation.renderer import Renderer, camera_response, prepare_renderer
 from glint.tasks.algorithms.simulation.solids import Solid
+from glint.tasks.algorithms.simulation.table_light import TableLight
 from glint.tasks.simulation.scene_layout import (
     FrameLayout,
     camera_distance,
@@ -115,16 +116,21 @@ def _write_view(
     x, y = to_camera(columns.astype(float), rows.astype(float), layout.width, layout.height)
     solids = object_solids(shape, layout, options, placement)
     spheres = sphere_solids(layout)
-    scene = Scene([*solids, *spheres])
+    table = _table([*solids, *spheres] if options.table_tilt else solids, options)
     distance = camera_distance(layout, options)
+    if options.shadows and distance is None:
+        table = _table(solids, options)
+        spheres = [_stood(solid, table) for solid in spheres]
+    scene = Scene([*solids, *spheres])
     # Camera and object are static: the light paths are traced once, and each frame is a weighted sum over them.
     truth = scene.truth(x, y, distance)
     paths = scene.trace(x, y, options.rays, generator, distance)
-    table = _table([*solids, *spheres] if options.table_tilt else solids, options)
-    room = Environment.random(table, np.random.default_rng(options.seed))
-    renderer = prepare_renderer(paths, room, (layout.height, layout.width), np.radians(options.light_radius))
+    room = Environment.random(table, np.random.default_rng(options.seed), options.table_contrast)
+    shape_px, light_radius = (layout.height, layout.width), np.radians(options.light_radius)
+    table_light = TableLight.prepare(scene, paths, room, shape_px, light_radius) if options.shadows else None
+    renderer = prepare_renderer(paths, room, shape_px, light_radius, table_light)
     lights = light_path(frames, generator, options.missing_quarter)
-    if options.table_tilt:
+    if options.table_tilt or options.shadows:
         lights[lights @ table.normal <= 0.0] = np.nan
     lit_pixels = []
 
@@ -153,7 +159,13 @@ def _table(solids: Sequence[Solid], options: CaptureOptions) -> TablePlane:
     tilt = np.radians(options.table_tilt)
     normal = np.array([0.0, np.sin(tilt), np.cos(tilt)])
     lowest = min(float((solid.vertices @ normal).min()) for solid in solids)
-    return TablePlane(normal, lowest if options.table_tilt else lowest - WALL_DISTANCE_PX)
+    return TablePlane(normal, lowest if options.table_tilt or options.shadows else lowest - WALL_DISTANCE_PX)
+
+
+def _stood(solid: Solid, table: TablePlane) -> Solid:
+    """Return a solid moved along the line of sight until it stands on the table."""
+    gap = float((solid.vertices @ table.normal).min()) - table.offset
+    return solid.transformed(np.eye(3), np.array([0.0, 0.0, -gap / table.normal[2]]))
 
 
 def _exposures(

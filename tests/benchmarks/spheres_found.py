@@ -1,12 +1,14 @@
 """Found circles of chrome spheres against the shapes of their highlights: which are contradicted, and by what replaced.
 
     python -m tests.benchmarks.spheres_found [--simulate 140-199] [CATALOGUE ..] [--scenes FOLDER]
+        [--tables DIR --numbers FIRST-LAST]
 
 Simulated captures are numbered; the number sets shape, size, sphere, frames and seed. The catalogues state the true
-circles; FOLDER holds scene-*/video.mp4 and truth.json (balls). A line per sphere: error of the found circle and its
-stated standard deviation (centre and radius, percent of the radius); the highlights' centre, how far it is from the
-truth and from the circle, in percent and in standard deviations; and, where the circle changes, what is used. Then how
-many circles are off by more than 4%, how many of these without a word, and how many right ones are doubted.
+circles; FOLDER holds scene-*/video.mp4 and truth.json (balls), DIR the scenes of `tests.benchmarks.table_scenes`. A
+line per sphere: error of the found circle and its stated standard deviation (centre and radius, percent of the radius);
+the highlights' centre, how far it is from the truth and from the circle, in percent and in standard deviations; and,
+where the circle changes, what is used. Then how many circles are off by more than 4%, how many of these without a word,
+and how many right ones are doubted.
 """
 
 import argparse
@@ -18,16 +20,17 @@ from pathlib import Path
 import numpy as np
 
 from glint.storage.catalogue.loading import load
-from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import SYSTEMATIC_RATIO, CheckedCircle, check_circle
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
-from glint.tasks.stages.first_pass import Sample, SampleRecorder
+from glint.tasks.stages.first_pass import Sample
 from glint.tasks.stages.sphere_doubts import MAX_LIGHT_DEVIATION_DEG
 from tests.benchmarks.spheres_refined import of_scenes
+from tests.benchmarks.spheres_scenes import read_sample
+from tests.benchmarks.table_scenes import table_scenes
 
 SHAPES = (
     *("hemisphere", "fish", "puppy", "faceted-bottle", "wine-glass", "jug", "elephant", "bird", "goblet", "cylinder"),
@@ -63,13 +66,8 @@ def simulated(number: int) -> Iterator[tuple[str, Sample, Sphere]]:
         record = simulate(shape, Path(folder), options)
         capture = load(record.catalogue).objects[0].captures[number // 4 % VIEWS if has_views else 0]
         (sphere,) = capture.spheres
-        yield f"{number} {shape}", sample_of(capture.frames), Sphere(sphere.x, sphere.y, sphere.radius)
-
-
-def sample_of(video: str) -> Sample:
-    """Take the survey's sample of a video."""
-    with open_footage(video) as footage:
-        return SampleRecorder(footage, SurveyParameters().sample, lambda done, total: None).sample()
+        sample = read_sample(Path(capture.frames), SurveyParameters().sample)
+        yield f"{number} {shape}", sample, Sphere(sphere.x, sphere.y, sphere.radius)
 
 
 def compare(name: str, frames: np.ndarray, peak: np.ndarray, truth: Sphere) -> Outcome | None:
@@ -132,6 +130,8 @@ def main() -> None:
     parser.add_argument("catalogues", nargs="*", type=Path)
     parser.add_argument("--simulate", default="")
     parser.add_argument("--scenes", type=Path)
+    parser.add_argument("--tables", type=Path)
+    parser.add_argument("--numbers", default="0-39")
     arguments = parser.parse_args()
     outcomes = list[Outcome | None]()
     if arguments.simulate:
@@ -142,13 +142,17 @@ def main() -> None:
     for path in arguments.catalogues:
         for entry in load(path).objects:
             for capture in entry.captures:
-                sample = sample_of(capture.frames)
+                sample = read_sample(Path(capture.frames), SurveyParameters().sample)
                 for given in capture.spheres:
                     truth = Sphere(given.x, given.y, given.radius)
                     outcomes.append(compare(f"{entry.id}/{capture.id}", sample.frames, sample.peak, truth))
     if arguments.scenes is not None:
         for frames, truth in of_scenes(arguments.scenes):
             outcomes.append(compare("scene", frames, frames.max(axis=0), truth))
+    if arguments.tables is not None:
+        for scene in table_scenes(arguments.numbers, arguments.tables):
+            for truth in scene.spheres:
+                outcomes.append(compare(scene.name, scene.sample.frames, scene.sample.peak, truth))
     known = [outcome for outcome in outcomes if outcome is not None]
     wrong = [outcome for outcome in known if outcome.before > WRONG_PERCENT]
     right = [outcome for outcome in known if outcome.before <= RIGHT_PERCENT]

@@ -1,28 +1,40 @@
 """Given circles of chrome spheres, right and wrong on purpose, and the circles that are used.
 
-    python -m tests.benchmarks.spheres_given FIRST-LAST
+    python -m tests.benchmarks.spheres_given FIRST-LAST [--tables DIR]
 
-Captures are numbered as those of `tests.benchmarks.spheres_found`. Each circle is given as it is, beside its place
-(seeded directions), and too small or too large. A line per way of giving: how many used circles are off by more than
-4% of the radius when highlights contradict a fit from three standard deviations, and from CORRECTION_DEVIATIONS.
+Captures are numbered as those of `tests.benchmarks.spheres_found`, or are the scenes of `tests.benchmarks.table_scenes`
+in DIR. Each circle is given as it is, beside its place (seeded directions), and too small or too large. A line per way
+of giving and rule: how many used circles are off by more than 4% and 8% of the radius, and the mean error in radii. The
+rules: as it is; highlights contradict a fit only from three standard deviations; and the clearer circle is used,
+however far from the given one it lies.
 """
 
 import argparse
-from collections import Counter
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.sphere_checks import given_circle
 from glint.tasks.stages import sphere_doubts
 from tests.benchmarks.spheres_found import simulated
+from tests.benchmarks.table_scenes import table_scenes
 
 SHIFTS, RATIOS = (0.0, 0.02, 0.05, 0.1), (0.9, 0.95, 1.05, 1.1)
 """Distances from the true centre, in radii, and factors of the true radius."""
-COUNTED_SHARE = 0.04
-"""Error in radii from which a used circle counts as wrong."""
-LIMITS = (3.0, sphere_doubts.CORRECTION_DEVIATIONS)
+WRONG, VERY_WRONG = 0.04, 0.08
+"""Errors in radii from which a used circle counts as wrong, and as very wrong."""
+RULES = {
+    "as it is": (),
+    "from three deviations": ((sphere_doubts, "CORRECTION_DEVIATIONS", 3.0),),
+    "by contrast alone": ((given_circle, "LEAST_WEIGHT", 1.0),),
+}
+"""What of the program is changed under each rule."""
 
 
 def given_circles(truth: Sphere, generator: np.random.Generator) -> dict[str, Sphere]:
@@ -37,29 +49,43 @@ def given_circles(truth: Sphere, generator: np.random.Generator) -> dict[str, Sp
     }
 
 
-def is_wrong(frames: np.ndarray, given: Sphere, truth: Sphere, limit: float) -> bool:
-    """Return whether the circle that is used for a given one is off."""
-    with patch.object(sphere_doubts, "CORRECTION_DEVIATIONS", limit):
+def used_error(frames: np.ndarray, given: Sphere, truth: Sphere, rule: str) -> float:
+    """Return the error, in radii, of the circle that is used for a given one under a rule."""
+    with ExitStack() as changes:
+        for module, name, value in RULES[rule]:
+            changes.enter_context(patch.object(module, name, value))
         ((used,), _) = sphere_doubts.confirm_given(frames, [given], None)
-    return max(used.distance(truth) / truth.radius, abs(used.radius / truth.radius - 1.0)) > COUNTED_SHARE
+    return max(used.distance(truth) / truth.radius, abs(used.radius / truth.radius - 1.0))
+
+
+def captures(numbers: str, tables: Path | None) -> Iterator[tuple[str, np.ndarray, Sphere]]:
+    """Yield name, frames and a true circle of each capture in a range of numbers, FIRST-LAST."""
+    if tables is not None:
+        for scene in table_scenes(numbers, tables):
+            yield from ((scene.name, scene.sample.frames, sphere) for sphere in scene.spheres)
+        return
+    first, last = (int(number) for number in numbers.split("-"))
+    for number in range(first, last + 1):
+        yield from ((name, sample.frames, truth) for name, sample, truth in simulated(number))
 
 
 def main() -> None:
     """Print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("numbers", metavar="FIRST-LAST")
-    first, last = (int(number) for number in parser.parse_args().numbers.split("-"))
-    wrong, count = Counter[tuple[str, float]](), 0
-    for number in range(first, last + 1):
-        for name, sample, truth in simulated(number):
-            count += 1
-            for kind, given in given_circles(truth, np.random.default_rng(number)).items():
-                outcomes = {limit: is_wrong(sample.frames, given, truth, limit) for limit in LIMITS}
-                wrong.update({(kind, limit): int(outcome) for limit, outcome in outcomes.items()})
-                if any(outcomes.values()):
-                    print(f"{name}, given {kind}: wrong {outcomes}", flush=True)
-    for kind in given_circles(Sphere(0.0, 0.0, 1.0), np.random.default_rng(0)):
-        print(f"{kind}: of {count} wrong " + ", ".join(f"{wrong[kind, limit]} ({limit})" for limit in LIMITS))
+    parser.add_argument("--tables", type=Path, help="folder of scenes on tables")
+    arguments = parser.parse_args()
+    errors = defaultdict[tuple[str, str], list[float]](list)
+    for order, (name, frames, truth) in enumerate(captures(arguments.numbers, arguments.tables)):
+        for kind, given in given_circles(truth, np.random.default_rng(order)).items():
+            outcomes = {rule: used_error(frames, given, truth, rule) for rule in RULES}
+            for rule, error in outcomes.items():
+                errors[kind, rule].append(error)
+            if max(outcomes.values()) > WRONG:
+                print(f"{name}, given {kind}: " + ", ".join(f"{error:.3f}" for error in outcomes.values()), flush=True)
+    for (kind, rule), values in errors.items():
+        wrong, very_wrong = (sum(value > limit for value in values) for limit in (WRONG, VERY_WRONG))
+        print(f"{kind}, {rule}: of {len(values)} wrong {wrong}, {very_wrong} very; mean error {np.mean(values):.3f}")
 
 
 if __name__ == "__main__":

@@ -63,10 +63,10 @@ def read_frames(video: Path) -> np.ndarray:
         return np.stack([frame.copy() for frame in footage.frames()])
 
 
-def read_sample(video: Path) -> Sample:
-    """Take the survey's sample of a video."""
+def read_sample(video: Path, frames: int = SAMPLE_FRAMES) -> Sample:
+    """Take a sample of so many of a video's frames, as the survey does."""
     with open_footage(str(video)) as footage:
-        return SampleRecorder(footage, SAMPLE_FRAMES, lambda done, total: None).sample()
+        return SampleRecorder(footage, frames, lambda done, total: None).sample()
 
 
 def lights_of_sphere(frames: np.ndarray, sphere: Sphere) -> Lights:

@@ -34,16 +34,23 @@ class Environment:
     bright: float = 0.25
 
     @classmethod
-    def random(cls, table: TablePlane, generator: np.random.Generator) -> "Environment":
-        """Return a room with three windows in front of the object and a random texture on the table."""
+    def random(cls, table: TablePlane, generator: np.random.Generator, contrast: float = 1.0) -> "Environment":
+        """Return a room with three windows in front of the object and a random texture on the table.
+
+        contrast: of the texture, as a factor; 0 is a plain table.
+        """
         noise = generator.normal(size=(TEXTURE_SIZE_PX, TEXTURE_SIZE_PX))
         streaks = gaussian_filter(noise, (3, 18), mode="wrap") * 30.0 + gaussian_filter(noise, 5, mode="wrap") * 6.0
-        texture = np.clip(0.35 + 0.2 * streaks, 0.08, 0.7)
+        texture = np.clip(0.35 + 0.2 * contrast * streaks, 0.08, 0.7)
         windows = []
+        # Windows stand above the table: their directions turn with its normal.
+        cosine, sine = table.normal[2], table.normal[1]
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
         for centre in (0.6, 2.4, 4.6):
             azimuth, polar = centre + generator.uniform(-0.4, 0.4), generator.uniform(0.9, 1.4)
             flat, half_width = np.sin(polar), generator.uniform(0.12, 0.22)
-            windows.append([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(polar), half_width])
+            direction = turn @ np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(polar)])
+            windows.append([*direction, half_width])
         return cls(texture.astype(np.float32), table, np.array(windows))
 
     def radiance(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -52,13 +59,7 @@ class Environment:
         origins (N, 3) in pixels, directions (N, 3) unit, camera frame -> static radiance (N,) float32, and reflectance
         (N,) float32 of the table where they meet it (0 elsewhere), which the moving light illuminates too.
         """
-        # Paths downwards meet the plane; nearly parallel ones would meet it too far out.
-        normal, right = self.table.normal.astype(directions.dtype), np.array([1.0, 0.0, 0.0], directions.dtype)
-        sinking = directions @ normal
-        down = sinking < -0.05
-        reach = np.where(down, (self.table.offset - origins @ normal) / np.where(down, sinking, -1.0), 0.0)
-        position = origins + directions * reach[:, None]
-        place = np.stack([position @ right, position @ np.cross(normal, right)])
+        place, down = table_places(self.table, origins, directions)
         texel = np.stack([-place[1], place[0]]) + TEXTURE_SIZE_PX / 2
         sampled = map_coordinates(self.texture, texel, order=1, mode="grid-wrap")
         reflectance = np.where(down & (np.abs(place).max(axis=0) < PLANE_EXTENT_PX), sampled, 0.0)
@@ -74,3 +75,18 @@ class Environment:
             bar = (np.abs(across) < 0.06 * half_width) | (np.abs(along) < 0.06 * half_width)
             light = np.where(pane & ~bar, self.bright, light)
         return light.astype(np.float32), reflectance.astype(np.float32)
+
+
+def table_places(table: TablePlane, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where paths meet the table, and which of them do.
+
+    origins (N, 3) in pixels, directions (N, 3) unit, camera frame -> places (2, N) on the table in pixels, to the right
+    and up, and (N,) bool; of other paths the place is that of their origin.
+    """
+    normal, right = table.normal.astype(directions.dtype), np.array([1.0, 0.0, 0.0], directions.dtype)
+    sinking = directions @ normal
+    # Nearly parallel paths would meet the plane too far out.
+    down = sinking < -0.05
+    reach = np.where(down, (table.offset - origins @ normal) / np.where(down, sinking, -1.0), 0.0)
+    position = origins + directions * reach[:, None]
+    return np.stack([position @ right, position @ np.cross(normal, right)]), down

@@ -92,6 +92,10 @@ class CaptureOptions:
     """Focal length of the camera in frame widths (0.8: a phone), which sets its distance; None: orthographic."""
     table_tilt: float = 0.0
     """Angle in degrees between the table's normal and the camera's axis; no light comes from below the table."""
+    table_contrast: float = 1.0
+    """Contrast of the table's texture, as a factor; 0 is a plain table."""
+    shadows: bool = False
+    """If set, object and spheres stand on the table and throw shadows and caustics on it (0.2 seconds a frame)."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
@@ -122,6 +126,7 @@ class CaptureOptions:
             "light_distance": self.light_distance is None or self.light_distance >= 1,
             "focal": self.focal is None or self.focal >= 0.5,
             "table_tilt": 0 <= self.table_tilt <= 80,
+            "table_contrast": 0 <= self.table_contrast <= 3,
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,

@@ -139,7 +139,7 @@ class Scene:
             for right in cells:
                 jitter = generator.uniform(-0.5 / rays, 0.5 / rays, (2, columns.size))
                 x, y = columns.ravel() + right + jitter[0], rows.ravel() + down + jitter[1]
-                parts += self._follow(*_camera_rays(x, y, camera_distance), 1.0 / rays**2, matte)
+                parts += self.follow(*_camera_rays(x, y, camera_distance), 1.0 / rays**2, matte)
         pixel, origin, direction, weight, bounces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return Paths(
             pixel.astype(np.int32),
@@ -150,13 +150,23 @@ class Scene:
             matte.reshape(height, width),
         )
 
-    def _follow(
-        self, origins: np.ndarray, directions: np.ndarray, share: float, matte: np.ndarray
+    def follow(
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        share: float,
+        matte: np.ndarray,
+        min_weight: float = MIN_PATH_WEIGHT,
     ) -> list[tuple[np.ndarray, ...]]:
         """Follow one ray of weight `share` per pixel through all reflections and refractions.
 
-        Returns the paths that leave the scene, by bounce, as tuples of pixel, origin, direction, weight and bounces;
-        adds the weight that ends on matte surfaces to `matte` (pixels,).
+        Args:
+            origins: (N, 3) in pixels; directions: (N, 3), unit, camera frame.
+            share: weight of a ray; min_weight: share of it below which a path is abandoned.
+            matte: (N,), to which the weight that ends on matte surfaces is added.
+
+        Returns:
+            The paths that leave the scene, by bounce, as tuples of pixel, origin, direction, weight and bounces.
         """
         pixel, weight = np.arange(len(origins)), np.full(len(origins), share)
         escaped: list[tuple[np.ndarray, ...]] = []
@@ -180,7 +190,7 @@ class Scene:
                 (glass & (reflectance < 1.0), refracted, weight * (1.0 - reflectance)),
             ]
             kept = [
-                (chosen & (branch_weight >= MIN_PATH_WEIGHT * share), direction, branch_weight)
+                (chosen & (branch_weight >= min_weight * share), direction, branch_weight)
                 for chosen, direction, branch_weight in branches
             ]
             pixel = np.concatenate([pixel[chosen] for chosen, _, _ in kept])

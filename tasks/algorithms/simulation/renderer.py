@@ -14,6 +14,7 @@ from glint.tasks.algorithms.geometry.vectors import equal_area
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.ray_tracing import Paths
+from glint.tasks.algorithms.simulation.table_light import TableLight
 
 LIGHT_RADIANCE = 40.0
 """Radiance of the light's centre relative to white: a direct highlight on glass (4%) clips inside its disc."""
@@ -40,6 +41,7 @@ class Renderer:
     size: bins along either axis of the map.
     light_radius: angular radius of the light in radians, at which its lobe has fallen to 1/e.
     table: plane of the background, relative to the frame's centre.
+    table_light: shadows and caustics on the table; None: it is lit as though nothing stood on it.
     """
 
     static: np.ndarray
@@ -52,6 +54,7 @@ class Renderer:
     size: int
     light_radius: float
     table: TablePlane
+    table_light: TableLight | None = None
 
     def render(self, light: np.ndarray, distance: float | None = None) -> np.ndarray:
         """Render the linear image (H, W) float32, 1 = white, under a light.
@@ -66,6 +69,8 @@ class Renderer:
         if direction @ self.table.normal > 0:
             irradiance = MATTE_IRRADIANCE * _irradiance(self.matte.shape, self.table, light, distance)
             image += self.matte * irradiance.astype(np.float32)
+            if self.table_light is not None:
+                image += MATTE_IRRADIANCE * self.table_light.change(light, distance)
         inverse_distance = 0.0 if distance is None else 1.0 / distance
         # Under a near light the direction differs from pixel to pixel, so more bins may hold its paths.
         parallax = 0.0 if distance is None else np.arctan(self.static.shape[1] * inverse_distance)
@@ -90,10 +95,16 @@ def _irradiance(shape: tuple[int, ...], table: TablePlane, light: np.ndarray, di
     return np.asarray(np.maximum(to_light @ table.normal, 0.0) / np.linalg.norm(to_light, axis=-1) ** 3)
 
 
-def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, int], light_radius: float) -> Renderer:
+def prepare_renderer(
+    paths: Paths,
+    environment: Environment,
+    shape: tuple[int, int],
+    light_radius: float,
+    table_light: TableLight | None = None,
+) -> Renderer:
     """Sort the paths by direction, and sum what does not depend on the light.
 
-    shape: (H, W) of the frame; light_radius: angular, in radians.
+    shape: (H, W) of the frame; light_radius: angular, in radians; table_light: see `Renderer`.
     """
     light, reflectance = environment.radiance(paths.origin, paths.direction)
     count = shape[0] * shape[1]
@@ -116,6 +127,7 @@ def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, i
         size,
         light_radius,
         environment.table,
+        table_light,
     )
 
 
