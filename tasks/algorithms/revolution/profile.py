@@ -206,7 +206,8 @@ def _without_cones(
     for cone in cones:
         # The corner between a foot and its stem is rounded by the contour: the stem is what comes a little above.
         has_stem = cone.stop * step < len(kept) * step - MIN_STEM_PX
-        stem = kept[cone.stop : cone.stop + round(STEM_HEIGHT_PX / step)].min() if has_stem else 0.0
+        above = slice(cone.stop, cone.stop + max(1, round(STEM_HEIGHT_PX / step)))
+        stem = kept[above].min() if has_stem else 0.0
         inside = slice(cone.start, cone.stop)
         if cone.is_sharp:
             kept[inside] = stem
