@@ -78,9 +78,7 @@ def node_terms(normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins:
     return NodeTerms(*(np.where(mask, values, 0.0) for values in (p, q, exterior_cost, false_cost)))
 
 
-def label_dual_layer(
-    nodes: NodeTerms, mask: np.ndarray, *, connectivity: Connectivity = "layers", weight: float = 0.1
-) -> np.ndarray:
+def label_dual_layer(nodes: NodeTerms, mask: np.ndarray, *, connectivity: Connectivity, weight: float) -> np.ndarray:
     """Return the labelling (2, H, W) uint8 of minimum energy sum E1 + weight sum E2 (Eqn 1), 1 = exterior.
 
     mask (H, W) bool; weight: of the prior term, which the paper leaves at 1.

@@ -32,7 +32,7 @@ the wall before a cone ends at a corner; that of a smooth shoulder is steeper.""
 
 @njit(cache=True, nogil=True)
 def smooth_profile(
-    squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool = False, before_corner: bool = False
+    squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool, before_corner: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return squared radii (N,), at heights (N,), and their slopes (N,) without the staircase of pixels, corners kept.
 
