@@ -1,6 +1,6 @@
 """The paper's dual-layer graph cut, taken literally (section 4.2, Eqn 1 to 3).
 
-Each pixel has two nodes, for its two heaviest clusters. Label 1 means that a node's normal is that of the exterior
+Each pixel has two nodes, for its first two clusters. Label 1 means that a node's normal is that of the exterior
 surface. The likelihood term E1 compares a node's gradient with that of the initial normal and with that of the counter
 normal, to which a highlight from the far side would point; the prior term E2 charges neighbours of different labels by
 how alike their gradients are.
