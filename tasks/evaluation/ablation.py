@@ -27,7 +27,7 @@ from glint.tasks.stages.markup import faced_marks, load_marks
 class Ablation:
     """A labelling that lacks an ingredient.
 
-    options: of the labelling; candidates: of a pixel that are left, the heaviest, None for all; keeps_shading: whether
+    options: of the labelling; candidates: the first of a pixel that are left, None for all; keeps_shading: whether
     candidates that show shading stay; has_marks: whether marks are read.
     """
 

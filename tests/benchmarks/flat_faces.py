@@ -7,6 +7,7 @@ whole mask), the share of the mask at confidence 0.95 and of these the share wit
 with them.
 """
 
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.explanations import explain
+from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.results import CONFIDENT, Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
@@ -52,11 +54,9 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
         return f"{pair}, {confident.sum() / known.sum():.0%}, {right.mean() if right.size else np.nan:.1%} right"
 
     switched_off: dict[str, Any] = {hypothesis: False}
-    without, result = (
-        reconstruct_normals(clusters, mask, options, settled=settled, camera=camera)
-        for options in (replace(DEFAULT_OPTIONS, **switched_off), DEFAULT_OPTIONS)
-    )
-    return f"without {errors(without)}; with {errors(result)}"
+    without = copy(settled)
+    without.options = replace(DEFAULT_OPTIONS, **switched_off)
+    return f"without {errors(conclude(explain(without)))}; with {errors(conclude(explain(settled)))}"
 
 
 def main() -> None:

@@ -17,7 +17,8 @@ from scipy import ndimage
 
 from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.explanations import explain
+from glint.tasks.algorithms.labelling.reconstruction import conclude, reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.cut_field import cut_field
 from tests.benchmarks.overlapping_limbs import MIN_STEP_PX, figurines, rises_and_steps
@@ -94,7 +95,8 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
         state.view = replace(state.view, outward=outward, rim=view.rim | inner)
     state.smooth = state.initial = state.solve_field(state.known, state.values)
     state.iterate(DEFAULT_OPTIONS.max_iterations)
-    return reconstruct_normals(clusters, mask, TRUE_CONTOURS_ALONE, settled=state).normals
+    state.options = TRUE_CONTOURS_ALONE
+    return conclude(explain(state)).normals
 
 
 def measure(capture: Capture, store: Path) -> Iterator[str]:

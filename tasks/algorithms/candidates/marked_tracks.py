@@ -83,9 +83,7 @@ def track(
     return join_tracks(marks, follow, half_vectors, origin)
 
 
-def join_tracks(
-    marks: Sequence[Mark], follow: Follower, half_vectors: np.ndarray, origin: tuple[int, int] = (0, 0)
-) -> Tracks:
+def join_tracks(marks: Sequence[Mark], follow: Follower, half_vectors: np.ndarray, origin: tuple[int, int]) -> Tracks:
     """Follow each marked highlight towards the neighbouring keyframes, and exclude where true and false ones meet.
 
     half_vectors: (T, 3), NaN where the frame was rejected; for the rest see `track`. follow: gives the highlight of a

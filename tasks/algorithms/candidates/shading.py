@@ -18,7 +18,7 @@ TRUE_MEAN, FALSE_MEAN = 0.08, 0.19
 
 
 def object_shading(shading: np.ndarray) -> float:
-    """Return the mean shading of an object's pixels by their heaviest candidates (K, H, W); NaN if none is known."""
+    """Return the mean shading of an object's pixels by their first candidates, of (K, H, W); NaN if none is known."""
     known = np.isfinite(shading[0])
     return float(shading[0][known].mean()) if known.any() else float("nan")
 
@@ -34,7 +34,7 @@ def with_object_shading(shading: np.ndarray) -> np.ndarray:
 
 
 def without_shading(clusters: Clusters) -> Clusters:
-    """Return clusters without the candidates that show shading; a pixel's winner goes with its heaviest."""
+    """Return clusters without the candidates that show shading; a pixel's winner goes with its first."""
     shaded = clusters.shading > MAX_SHADING
     return replace(
         clusters,

@@ -55,17 +55,17 @@ def creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
     middles = np.broadcast_to((creases.starts + creases.ends) / 2.0, (ARC_NORMALS, len(first), 2))
     reached = view.flashing(arcs.reshape(-1, 3), middles.reshape(-1, 2)).reshape(ARC_NORMALS, -1).mean(axis=0)
     ends = [to_pixels(creases.starts + share * along[used], view.mask.shape) for share in MIDDLE_SHARES[:, 0]]
-    places = _shares_at_creases(
+    is_wide = BESIDE_WIDTHS * widths > reach
+    shares = _shares_at_creases(
         view.normals,
         np.stack(ends, axis=1),
         across * [1.0, -1.0],
         np.stack([first, second, creases.directions], axis=1),
-        np.where(BESIDE_WIDTHS * widths > reach, np.minimum(BESIDE_WIDTHS * widths, 2 * reach + 1), 0.0),
+        np.where(is_wide, np.minimum(BESIDE_WIDTHS * widths, 2 * reach + 1), 0.0),
         view.strays,
         reach,
-        _COSINES,
+        LIMITS,
     )
-    shares = _CreaseShares(places[:, :2], places[:, 2:4], *places[:, 4:].T)
     # A face ends at its crease, and so do its flashes.
     beyond = share_log_ratio(1.0 - shares.beyond, FALSE_FACE_SHARE)
     beyond = np.where(shares.inside > MIN_FLASH_SHARE, np.minimum(beyond, 0.0), 0.0).sum(axis=1)
@@ -90,11 +90,24 @@ class _CreaseShares(NamedTuple):
     beside: np.ndarray
 
 
-_COSINES = (
+class _Limits(NamedTuple):
+    """Limits of cosines between normals.
+
+    flashed: to a face of which a candidate is, at least. turned: to either face of a crease, of a candidate that lies
+    between them, at most. across: of that candidate to the crease's direction, at most.
+    """
+
+    flashed: float
+    turned: float
+    across: float
+
+
+LIMITS = _Limits(
     float(np.cos(np.radians(FLASHED_DEG))),
     float(np.cos(np.radians(LEAST_TURN_DEG))),
     float(np.sin(np.radians(PERPENDICULAR_DEG))),
 )
+"""Those of the evidence for prisms."""
 
 
 @njit(cache=True, nogil=True)
@@ -106,9 +119,9 @@ def _shares_at_creases(
     distances: np.ndarray,
     strays: np.ndarray,
     reach: int,
-    cosines: tuple[float, float, float],
-) -> np.ndarray:
-    """Return what candidates show at creases: the shares (C, 7) of `_CreaseShares`.
+    limits: _Limits,
+) -> _CreaseShares:
+    """Return what candidates show at C creases.
 
     Args:
         normals: (H, W, K, 3), candidates.
@@ -118,32 +131,36 @@ def _shares_at_creases(
         distances: (C, 2), pixels from the crease at which its first and second face are looked at; 0 if not.
         strays: (M, 2), columns and rows to compare with.
         reach: distance in pixels within which a highlight is near.
-        cosines: to a face that flashes, at most between two, and along.
+        limits: of the cosines.
     """
-    result = np.empty((len(ends), 7))
+    count = len(ends)
+    shares = _CreaseShares(
+        np.empty((count, 2)), np.empty((count, 2)), np.empty(count), np.empty(count), np.full(count, np.nan)
+    )
     for crease in range(len(ends)):
         start, end, way = ends[crease, 0], ends[crease, 1], across[crease]
-        count = int(np.sqrt(((end - start) ** 2).sum())) + 1
-        points = np.empty((count, 2))
-        for point in range(count):
-            points[point] = start + (end - start) * (point / max(count - 1, 1))
+        places = int(np.sqrt(((end - start) ** 2).sum())) + 1
+        points = np.empty((places, 2))
+        for place in range(places):
+            points[place] = start + (end - start) * (place / max(places - 1, 1))
         first, second, direction = directions[crease]
         for face in range(2):
             sign = 2.0 * face - 1.0
-            normal = directions[crease, face]
-            result[crease, face] = _flash_share(normals, points + sign * (reach + 1) * way, normal, cosines[0])
-            result[crease, 2 + face] = _flash_share(normals, points - sign * (reach + 1) * way, normal, cosines[0])
-        bounds = float((first * second).sum()), cosines[1], cosines[2]
-        result[crease, 4] = _arc_share(normals, points, first, second, direction, bounds, reach)
-        result[crease, 5] = _arc_share(normals, strays, first, second, direction, bounds, reach)
+            normal, step = directions[crease, face], sign * (reach + 1)
+            shares.inside[crease, face] = _flash_share(normals, points + step * way, normal, limits.flashed)
+            shares.beyond[crease, face] = _flash_share(normals, points - step * way, normal, limits.flashed)
+        bounds = float((first * second).sum()), limits.turned, limits.across
+        shares.near[crease] = _arc_share(normals, points, first, second, direction, bounds, reach)
+        shares.stray[crease] = _arc_share(normals, strays, first, second, direction, bounds, reach)
         beside, faces = 0.0, 0
         for face in range(2):
             if distances[crease, face] > 0.0:
                 strip = points + (2.0 * face - 1.0) * distances[crease, face] * way
                 beside += _arc_share(normals, strip, first, second, direction, bounds, 1)
                 faces += 1
-        result[crease, 6] = beside / faces if faces else np.nan
-    return result
+        if faces:
+            shares.beside[crease] = beside / faces
+    return shares
 
 
 @njit(cache=True, nogil=True)
@@ -175,7 +192,8 @@ def _arc_share(
     """Return the share of places (N, 2), columns and rows, near a candidate that turns from one face to the other.
 
     normals: (H, W, K, 3), candidates. first, second: (3,), normals of the faces. direction: (3,), of the crease.
-    bounds: of the cosines to the faces' normals, and of that to the direction. reach: radius of a place in pixels.
+    bounds: least and largest cosine to either face's normal, and largest one to the direction. reach: radius of a place
+    in pixels.
     """
     near = 0
     for place in range(len(places)):

@@ -36,7 +36,7 @@ class FrameSample:
             frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
         self._frames.append((frame >> 8).astype(np.uint8) if frame.dtype == np.uint16 else frame.copy())
 
-    def estimate_mask(self, spheres: Sequence[Sphere] = (), within: np.ndarray | None = None) -> np.ndarray:
+    def estimate_mask(self, spheres: Sequence[Sphere], within: np.ndarray | None = None) -> np.ndarray:
         """Estimate the mask (H, W) bool in full size.
 
         spheres: in pixels of the full size. within: (H, W) bool, where the object lies; None: anywhere.

@@ -73,3 +73,13 @@ def pixel_positions(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y (N,), pixels, camera frame, of the N pixels of a mask (H, W) bool, row by row."""
     rows, columns = np.nonzero(pixels)
     return positions_at(rows, columns, pixels.shape)
+
+
+def sampled_pixels(pixels: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns (N,) of at most `count` pixels of a mask (H, W) bool, at random but always the same.
+
+    Every n-th pixel in order would be one of a few columns of the image.
+    """
+    rows, columns = np.nonzero(pixels)
+    chosen = np.random.default_rng(0).permutation(len(rows))[:count]
+    return rows[chosen], columns[chosen]

@@ -54,7 +54,7 @@ class Depth:
     perspective: bool
     follows_body: bool = False
 
-    def height(self, distance: float = 1.0) -> np.ndarray:
+    def height(self, distance: float) -> np.ndarray:
         """Return the height towards the camera (H, W) float32.
 
         Under perspective, `distance` is the components' (geometric mean) distance from the camera in any unit; the

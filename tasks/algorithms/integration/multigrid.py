@@ -14,6 +14,9 @@ COARSEST_SWEEPS = 12
 """Red-black sweeps of the coarsest level in each order of the two colours."""
 OVERCORRECTION = np.float32(1.8)
 """Factor of coarse corrections: blocks are constant inside, which makes the coarse graph too stiff."""
+UNBOUNDED_STEP = 1e8
+"""Step from which a direction has no curvature but by rounding. Others are about 1, and up to 50 where edges between
+two parts have 1e-10 of the largest weight."""
 
 
 def solve_poisson(
@@ -76,7 +79,11 @@ def _conjugate_gradients(
         direction = preconditioned + (product / previous) * direction if iteration else preconditioned
         previous = product
         image = _image(weights, direction)
-        step = product / (direction * image).sum()
+        curvature = (direction * image).sum()
+        if product >= UNBOUNDED_STEP * curvature:
+            # What is left of a source that is rounding alone: a constant, which no solution reduces.
+            return iteration, False
+        step = product / curvature
         x += step * direction
         residual -= step * image
     return max_iterations, False

@@ -77,7 +77,7 @@ WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 the two ends are averaged: at 1 the average is the rise by the mean of the two normals, exact on circular arcs."""
 
 
-def robust(edges: GridEdges, mask: np.ndarray, limits: SearchLimits, body: KnownBody | None = None) -> Solution:
+def robust(edges: GridEdges, mask: np.ndarray, limits: SearchLimits, body: KnownBody | None) -> Solution:
     """Solve for the height (H, W) with steps where the normals require them; `rounds` are those of all attempts.
 
     A known body decides between them, unless the height contradicts it or its steps cost much more.
@@ -105,7 +105,7 @@ def refined(
     mask: np.ndarray,
     height: np.ndarray,
     limits: SearchLimits,
-    body: KnownBody | None = None,
+    body: KnownBody | None,
 ) -> Solution:
     """Solve for the height as `robust`, but from one start.
 

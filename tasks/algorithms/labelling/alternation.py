@@ -31,20 +31,21 @@ class Alternation:
 
     No array is changed in place, so that copies can go on independently; they share the view.
 
-    expected (H, W, 3): field that is given or that a body explains, None without. labels (K, H, W) bool: exterior
-    nodes. marks: constraints of the user's marks; influence (K, H, W): of marks on their sheets; unmarked_labels (K, H,
-    W) bool: those that marks met. own_evidence (K, H, W): of the view, less that of refuted faces; face_evidence (K, H,
-    W): by faces that candidates prove. readmitted (K, H, W): probability of nodes that were rejected and then
-    readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
-    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. faces: flat faces of
-    the field, if any. relief_fit: of the expected surface of revolution, 0 without relief. body_depth (H, W): of an
-    expected surface of revolution or solid. solid: of flat faces, if expected. seen_through (K, H, W) bool: candidates
-    that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
+    expected (H, W, 3): field that is given or that a body explains, None without; is_given: whether it is given. labels
+    (K, H, W) bool: exterior nodes. marks: constraints of the user's marks; influence (K, H, W): of marks on their
+    sheets; unmarked_labels (K, H, W) bool: those that marks met. own_evidence (K, H, W): of the view, less that of
+    refuted faces; face_evidence (K, H, W): by faces that candidates prove. readmitted (K, H, W): probability of nodes
+    that were rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H,
+    W): theirs, else NaN. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present
+    field. faces: flat faces of the field, if any. relief_fit: of the expected surface of revolution, 0 without relief.
+    body_depth (H, W): of an expected surface of revolution or solid. solid: of flat faces, if expected. seen_through
+    (K, H, W) bool: candidates that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
     view: CandidateView
     options: LabellingOptions
     expected: np.ndarray | None = None
+    is_given: bool = field(init=False)
     labels: np.ndarray = field(init=False)
     marks: MarkConstraints = field(init=False)
     influence: np.ndarray = field(init=False)
@@ -68,6 +69,7 @@ class Alternation:
     def __post_init__(self) -> None:
         """Solve the field once from the contour, or the expected normals."""
         nodes = self.view.normals.shape[:3]
+        self.is_given = self.expected is not None
         self.own_evidence = self.view.evidence
         self.face_evidence, self.readmitted = np.zeros((2, *nodes))
         self.labels, self.seen_through = np.zeros((2, *nodes), dtype=bool)

@@ -40,24 +40,20 @@ def mark_influence(
     if not pins.any():
         return result
     present, reach_px = nodes >= 0, max(MARK_REACH_INRADII * inradius, 1.0)
+    contradicting = pins != 0 if labels is None else contradictions(pins, labels)
+    own_ties = ties if labels is None else _ties_within(ties, labels[present])
 
     def distance(paths: sparse.csr_matrix, marked: np.ndarray) -> np.ndarray:
+        """Return the distances (N,) along paths from the marked nodes (K, H, W) bool."""
         sources = np.flatnonzero(marked[present])
         if not len(sources):
             return np.full(np.count_nonzero(present), np.inf)
         return dijkstra(paths, directed=False, indices=sources, min_only=True, limit=MAX_MARK_REACHES * reach_px)
 
-    if labels is None:
-        distances = [distance(ties, pins == label) for label in (1, -1)]
-    else:
-        contradicting, own_ties = contradictions(pins, labels), _ties_within(ties, labels[present])
-        distances = [
-            np.minimum(
-                distance(ties, contradicting & (pins == label)),
-                distance(own_ties, (pins == label) & (labels == (label == 1))),
-            )
-            for label in (1, -1)
-        ]
+    distances = [
+        np.minimum(distance(ties, marked & contradicting), distance(own_ties, marked & ~contradicting))
+        for marked in (pins == 1, pins == -1)
+    ]
     exterior, false = np.exp(-np.array(distances) / reach_px)
     result[present] = np.where(exterior > false, exterior, np.where(false > exterior, -false, 0.0))
     return result

@@ -51,7 +51,7 @@ def explain(settled: Alternation) -> Alternation:
 
     Normals that were expected beforehand explain them already.
     """
-    if settled.expected is not None and settled.body_depth is None:
+    if settled.is_given:
         return settled
     state = explained = _with_surface(copy(settled))
     for _ in range(MAX_READMISSIONS if state.options.readmission else 0):

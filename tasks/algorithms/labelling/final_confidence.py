@@ -28,7 +28,7 @@ SHEET_WINDOW_INRADII = 0.1
 MIN_HELD_OUT_SHARE = 0.004
 """Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
 SMALL_SHEET_RESIDUAL = 2.0
-"""Residual given to smaller sheets: as large as that of most false sheets."""
+"""Residual given to smaller sheets, and to those that nothing else predicts: as large as that of most false sheets."""
 MAX_RESIDUAL_DEG = 20.0
 """Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
 
@@ -82,14 +82,18 @@ def held_out_residual(
 
     Returns:
         (H, W), in units of the field's mean expected error at that distance from the remaining data;
-        SMALL_SHEET_RESIDUAL for small sheets, NaN outside sheets.
+        SMALL_SHEET_RESIDUAL for small sheets and without remaining data, NaN outside sheets.
     """
     angle, expected = np.zeros(sheets.shape), np.zeros(sheets.shape)
     sizes = np.bincount(sheets[sheets >= 0])
-    held_out = np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1))
-    for sheet in held_out:
+    held_out = []
+    for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
         withheld = sheets == sheet
         field, spread = predict(known & ~withheld)
+        if not np.isfinite(spread[withheld]).all():
+            # A mask that fills the image has no contour: its only sheet is predicted by nothing.
+            continue
+        held_out.append(sheet)
         angle[withheld] = np.minimum(angles(field[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
         expected[withheld] = np.degrees(spread[withheld])
     is_held_out = np.isin(sheets, held_out)

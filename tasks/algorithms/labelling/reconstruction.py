@@ -57,7 +57,6 @@ def reconstruct_normals(
     marks: Marks | None = None,
     expected: np.ndarray | None = None,
     camera: np.ndarray | None = None,
-    settled: Alternation | None = None,
 ) -> Reconstruction:
     """Reconstruct the exterior normals of one view from its candidate normals.
 
@@ -70,16 +69,11 @@ def reconstruct_normals(
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
             occluding contour as data of the field.
         camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
-        settled: result of `settle` for the same arguments, None to settle first.
 
     Raises:
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
     """
-    if settled is None:
-        settled = settle(clusters, mask, options, expected=expected, camera=camera)
-    state = copy(settled)
-    state.options = options
-    return conclude(explain(state), marks)
+    return conclude(explain(settle(clusters, mask, options, expected=expected, camera=camera)), marks)
 
 
 def settle(

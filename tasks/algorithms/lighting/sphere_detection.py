@@ -48,11 +48,13 @@ MIN_HIGHLIGHT_EVIDENCE = 0.1
 MIN_CONTOUR_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
 INNER_RATIOS = 0.6, 0.91
+"""Radii between which a circle may be the edge of what the sphere mirrors, in those of a circle around it that is the
+contour then, although its score is lower."""
 MIN_OUTER_RATIO, MAX_INNER_REACH = 0.33, 0.97
 MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
-"""A circle around a better one is the contour if the better one may be the edge of what the sphere mirrors: by its
-radius, in radii of the outer circle, and if the outer circle's score is at least a share of the better one's, where
-that one reaches so far. The shadow's edge too may touch the contour, from outside; its score is far below."""
+"""Least score of that contour, relative to the inner circle's, and how far the inner circle may reach, in radii of the
+contour: if it lies well inside, and if both touch. The edge of the shadow may touch the contour, too, but from outside;
+its score is far below."""
 MAX_HIDDEN_RATIO = 0.5
 """Radius relative to that of a circle which is no chrome sphere up to which circles in it are examined nevertheless:
 such a circle may go round a sphere and the glass beside it, but what is larger may be a part of that glass."""

@@ -49,7 +49,7 @@ def refine_mesh(
     views: Sequence[View],
     vertices: np.ndarray,
     triangles: np.ndarray,
-    steps: int = 5,
+    steps: int,
     *,
     base: float | None = None,
     is_robust: bool = False,

@@ -88,7 +88,7 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
 
     Returns:
         The estimate, whose deviation is at least the bound where it lies beyond that; None if too few neighbours have
-        normals, or if they integrate under any camera.
+        normals, or all in one block, which leaves the standard error unknown, or if they integrate under any camera.
     """
     step = max(1, -(-max(normals.shape[:2]) // MAX_SAMPLES))
     sampled = normals[::step, ::step].astype(np.float64)
@@ -112,6 +112,8 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
         shift, deviation = _least_squares(pairs, *misfit_and_slope(value))
         estimate = value + shift
         value = float(np.clip(estimate, -bound, bound))
+    if not np.isfinite(deviation):
+        return None
     noise = np.random.default_rng(0).normal(0.0, LEAST_NORMAL_NOISE, sampled.shape)
     measured = misfit_and_slope(value)
     by_noise = misfit_and_slope(value, unit(sampled + noise)) - measured
@@ -207,7 +209,8 @@ def _noise_share(weight: np.ndarray, measured: np.ndarray, by_noise: np.ndarray)
 def _least_squares(pairs: _Pairs, residual: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
     """Return the shift at which residual + shift * slope (P,) is least, and its standard error.
 
-    The standard error is the jackknife's over blocks of the region: the residuals of a sheet are not independent.
+    The standard error is the jackknife's over blocks of the region: the residuals of a sheet are not independent. It is
+    infinite where all pairs lie in one block.
     """
     products = np.bincount(pairs.block, pairs.weight * residual * slope, BLOCKS**2)
     squares = np.bincount(pairs.block, pairs.weight * slope**2, BLOCKS**2)

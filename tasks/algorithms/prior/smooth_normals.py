@@ -126,8 +126,8 @@ def smooth_normal_field(
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / max_nodes))))
     grid = BilinearGrid.over(mask, step)
     tension = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2
-    smoothness = sum(tension * _quadratic_form(grid.nodes, stencil) for stencil in SLOPES)
-    smoothness = smoothness + sum(_quadratic_form(grid.nodes, stencil) for stencil in CURVATURES) / step**2
+    smoothness = sum(tension * quadratic_form(grid.nodes, stencil) for stencil in SLOPES)
+    smoothness = smoothness + sum(quadratic_form(grid.nodes, stencil) for stencil in CURVATURES) / step**2
     return SmoothNormalField(grid, smoothness.tocsc())
 
 
@@ -164,17 +164,25 @@ class ContourField:
         return self.surface.solve(np.where(known[..., None], normals, self.outward), weights)
 
 
-def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
-    """Return the sum of squares of a finite difference, taken wherever all its nodes exist: free boundaries."""
-    height, width = grid.shape
-    padded = np.pad(grid, 2, constant_values=-1)
-    nodes = [padded[2 + dy : 2 + dy + height, 2 + dx : 2 + dx + width] for dy, dx, _ in stencil]
-    complete = np.all([node >= 0 for node in nodes], axis=0)
+def quadratic_form(nodes: np.ndarray, stencil: Stencil, allowed: np.ndarray | bool = True) -> sparse.csr_matrix:
+    """Return the sum of squares of a finite difference, taken wherever all its nodes exist: free boundaries.
+
+    nodes: (rows, columns), their numbers from 0, -1 without one. allowed: (rows, columns) bool, where else it may be
+    taken.
+    """
+    ends = [moved(nodes, row, column, -1) for row, column, _ in stencil]
+    complete = np.all([end >= 0 for end in ends], axis=0) & allowed
     count = int(complete.sum())
     values = np.repeat([value for *_, value in stencil], count)
-    entries = (np.tile(np.arange(count), len(stencil)), np.concatenate([node[complete] for node in nodes]))
-    difference = sparse.csr_matrix((values, entries), shape=(count, int(grid.max()) + 1))
+    entries = (np.tile(np.arange(count), len(stencil)), np.concatenate([end[complete] for end in ends]))
+    difference = sparse.csr_matrix((values, entries), shape=(count, int(nodes.max()) + 1))
     return difference.T @ difference
+
+
+def moved(values: np.ndarray, down: int, right: int, fill: int) -> np.ndarray:
+    """Return at each place the value (rows, columns) that lies so far below and to the right, at most a pixel."""
+    padded = np.pad(values, 1, constant_values=fill)
+    return padded[1 + down : 1 + down + values.shape[0], 1 + right : 1 + right + values.shape[1]]
 
 
 def thickness(mask: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ class PrismSearch(PolyhedronSearch):
         return None if prism is None else self._seen_back(polyhedral_normals(*prism, self._silhouette))
 
 
-def possible_prisms(mask: np.ndarray, inverse_focal: float = 0.0) -> list[RightPrism]:
+def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RightPrism]:
     """Return the right prisms with the silhouette of a mask (H, W) bool, at the slopes that are tried first.
 
     inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.

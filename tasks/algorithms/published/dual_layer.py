@@ -1,6 +1,6 @@
 """The paper's dual-layer graph cut, taken literally (section 4.2, Eqn 1 to 3).
 
-Each pixel has two nodes, for its two heaviest clusters. Label 1 means that a node's normal is that of the exterior
+Each pixel has two nodes, for its first two clusters. Label 1 means that a node's normal is that of the exterior
 surface. The likelihood term E1 compares a node's gradient with that of the initial normal and with that of the counter
 normal, to which a highlight from the far side would point; the prior term E2 charges neighbours of different labels by
 how alike their gradients are.
@@ -78,9 +78,7 @@ def node_terms(normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins:
     return NodeTerms(*(np.where(mask, values, 0.0) for values in (p, q, exterior_cost, false_cost)))
 
 
-def label_dual_layer(
-    nodes: NodeTerms, mask: np.ndarray, *, connectivity: Connectivity = "layers", weight: float = 0.1
-) -> np.ndarray:
+def label_dual_layer(nodes: NodeTerms, mask: np.ndarray, *, connectivity: Connectivity, weight: float) -> np.ndarray:
     """Return the labelling (2, H, W) uint8 of minimum energy sum E1 + weight sum E2 (Eqn 1), 1 = exterior.
 
     mask (H, W) bool; weight: of the prior term, which the paper leaves at 1.

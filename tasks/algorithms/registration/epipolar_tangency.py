@@ -83,7 +83,7 @@ class SilhouetteRays:
         return np.stack(columns, axis=1)
 
 
-def trace_silhouette_rays(views: Sequence[View], rays_per_view: int = RAYS_PER_VIEW) -> SilhouetteRays:
+def trace_silhouette_rays(views: Sequence[View], rays_per_view: int) -> SilhouetteRays:
     """Trace rays through the silhouette pixels of all views against the silhouettes of the other views."""
     columns, rows = np.moveaxis(np.array([silhouette_pixels(view.mask, rays_per_view) for view in views]), 1, 0)
     sphere = bounding_sphere(views)

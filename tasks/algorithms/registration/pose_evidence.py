@@ -39,9 +39,9 @@ to which each is held against one: more views are compared with each other."""
 class PoseEvidence:
     """What the views say of their poses, each held against a model of all others.
 
-    log_ratio: how much worse the best of the alternatives is, see MIN_LOG_RATIO; NaN if nothing can be compared, inf if
+    log_ratio: how much worse the best of the alternatives is, see MIN_LOG_RATIO; NaN if one cannot be compared, inf if
     the silhouettes exclude all; alternative: what is different there; turns (V,): degrees from its own angle at which
-    each view fits best, NaN where too few views hold it.
+    each view fits best, NaN unless all alternatives are excluded.
     """
 
     log_ratio: float
@@ -71,9 +71,22 @@ def pose_evidence(views: Sequence[View], table: Turntable | None) -> PoseEvidenc
     alternatives = silhouette_alternatives(views, table)
     own = left_out_misfits(views) if alternatives else unknown
     ratios = [(log_ratio(own, left_out_misfits(posed)), description) for description, posed in alternatives]
-    least, alternative = min(ratios, default=(np.inf, None))
-    turns = unknown if least < MIN_LOG_RATIO else best_turns(views, is_on_table=table is not None)
+    least, alternative = likeliest_alternative(ratios)
+    turns = best_turns(views, is_on_table=table is not None) if least >= MIN_LOG_RATIO else unknown
     return PoseEvidence(least, alternative, turns)
+
+
+def likeliest_alternative(ratios: Sequence[tuple[float, str]]) -> tuple[float, str | None]:
+    """Return the least log-likelihood ratio of poses against their alternatives, and that alternative.
+
+    It is infinite without any. An alternative that cannot be compared (NaN) is not excluded: the ratio is NaN then, but
+    for one that explains the normals better.
+    """
+    known = [ratio for ratio in ratios if not np.isnan(ratio[0])]
+    least, alternative = min(known, default=(np.inf, None))
+    if len(known) < len(ratios) and least > -MIN_LOG_RATIO:
+        return np.nan, None
+    return least, alternative
 
 
 def left_out_misfits(views: Sequence[View]) -> np.ndarray:

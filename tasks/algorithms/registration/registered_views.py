@@ -87,7 +87,7 @@ def register_on_turntable(
         table = calibrate_axis(everything, table)
     factor = step_factor(everything, table, stated, errors)
     given_angles = factor * stated
-    solved, _ = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
+    solved, _ = calibrate_turntable(everything, table, given_angles, errors)
     registered = RegisteredViews(
         everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor, scale_factors=scales
     )
@@ -164,7 +164,7 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
     fused = fuse_normals(registered.views, model.vertices, model.triangles)
     normals = turntable_consistency(registered.views, registered.turntable, model.vertices, fused)
     solved, _ = calibrate_turntable(
-        registered.views, registered.turntable, registered.given_angles, normals, registered.angle_errors
+        registered.views, registered.turntable, registered.given_angles, registered.angle_errors, normals
     )
     turns = relative_turns(registered.turntable.angles, solved.angles)
     if (np.abs(turns) > MAX_TURN_DEVIATIONS * registered.angle_errors).any():

@@ -128,30 +128,27 @@ def calibrate_turntable(
     views: Sequence[View],
     start: Turntable,
     given_angles: np.ndarray,
+    angle_errors: np.ndarray,
     normals: NormalConsistency | None = None,
-    angle_errors: np.ndarray | None = None,
     step_error: float = 0.0,
 ) -> tuple[Turntable, float]:
     """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG, and their
-    step within the share `step_error`; if all views stand on the turntable, their weighted mean is kept, since turning
-    all views together changes nothing. The cost of the fit, in nats, is returned beside it.
+    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), and their step within the share
+    `step_error`; if all views stand on the turntable, their weighted mean is kept, since turning all views together
+    changes nothing. The cost of the fit, in nats, is returned beside it.
     """
-    errors = np.full(len(given_angles), ANGLE_ERROR_DEG) if angle_errors is None else angle_errors
     turned = given_angles - given_angles.mean()
-    covariance = np.diag(errors**2) + step_error**2 * np.outer(turned, turned)
+    covariance = np.diag(angle_errors**2) + step_error**2 * np.outer(turned, turned)
     variances, directions = np.linalg.eigh(covariance)
     solved, cost = _calibrate(views, start, given_angles, normals, directions.T, 1.0 / np.sqrt(variances))
     if len(views) > len(given_angles):
         return solved, cost
-    turn_of_all = np.average(solved.angles - given_angles, weights=errors**-2.0)
+    turn_of_all = np.average(solved.angles - given_angles, weights=angle_errors**-2.0)
     return replace(solved, angles=solved.angles - turn_of_all), cost
 
 
-def step_factor(
-    views: Sequence[View], start: Turntable, given_angles: np.ndarray, angle_errors: np.ndarray | None = None
-) -> float:
+def step_factor(views: Sequence[View], start: Turntable, given_angles: np.ndarray, angle_errors: np.ndarray) -> float:
     """Return the factor of the given angles (K,), degrees, by which the silhouettes correct their step; 1 if none.
 
     angle_errors: as of `calibrate_turntable`.
@@ -161,7 +158,7 @@ def step_factor(
     slope = 0.0
     # Few silhouettes hardly hold the step: it must deviate even where single angles alone may be wrong.
     for step_error, least in ((0.0, MIN_STEP_DEVIATIONS), (STEP_ERROR, MAX_STEP_DEVIATIONS)):
-        solved, _ = calibrate_turntable(views, start, given_angles, None, angle_errors, step_error)
+        solved, _ = calibrate_turntable(views, start, given_angles, angle_errors, step_error=step_error)
         change = relative_turns(given_angles, solved.angles)
         # The median slope (Theil and Sen) hardly follows a single wrong angle, and does not explain the others then.
         slope, level = map(float, theilslopes(change, given_angles)[:2])

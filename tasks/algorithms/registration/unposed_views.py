@@ -71,4 +71,4 @@ def _with_view(registered: RegisteredViews, view: View, fit: PoseFit) -> Registe
     errors = np.append(registered.angle_errors, SEARCHED_ANGLE_ERROR_DEG)
     table = replace(registered.turntable, angles=np.append(registered.turntable.angles, fit.angle))
     extended = replace(registered, views=views, given_angles=given_angles, angle_errors=errors, searched=searched)
-    return with_turntable(extended, calibrate_turntable(views, table, given_angles, angle_errors=errors)[0])
+    return with_turntable(extended, calibrate_turntable(views, table, given_angles, errors)[0])

@@ -60,7 +60,7 @@ class RejectedView:
 def reject_inconsistent(
     views: Sequence[View],
     table: Turntable | None,
-    calibrate: Callable[[Sequence[int], Turntable], Turntable] | None = None,
+    calibrate: Callable[[Sequence[int], Turntable], Turntable],
 ) -> tuple[list[int], list[RejectedView]]:
     """Return the indices of the views whose silhouettes agree, and the views rejected.
 
@@ -88,15 +88,14 @@ def reject_inconsistent(
         kept = [number for number in kept if number != worst]
         if len(kept) < MIN_KEPT_SHARE * len(views):
             _refuse(views, [number for number in range(len(views)) if number not in kept], residuals.max())
-        if table is not None and calibrate is not None:
+        reason, angle = f"its silhouette contradicts the others' by {residuals.max():.1f} pixels", None
+        if table is not None:
             table = calibrate(kept, table)
             posed = _posed(views, table)
-        on_table = table is not None and worst < len(table.angles)
-        angle = _fitting_angle(worst, kept, posed, table) if table is not None and on_table else None
-        reason = f"its silhouette contradicts the others' by {residuals.max():.1f} pixels"
-        if table is not None and angle is not None:
-            change = angle_difference(float(table.angles[worst]), angle)
-            reason += f"; it would fit at {angle % 360:.1f} degrees, {change:+.1f} from the given angle"
+            angle = _fitting_angle(worst, kept, posed, table) if worst < len(table.angles) else None
+            if angle is not None:
+                change = angle_difference(float(table.angles[worst]), angle)
+                reason += f"; it would fit at {angle % 360:.1f} degrees, {change:+.1f} from the given angle"
         rejected.append(RejectedView(views[worst].name, reason, angle))
     return kept, rejected
 
@@ -112,21 +111,21 @@ def mistaken_angles(views: Sequence[View], table: Turntable, stated: np.ndarray)
     views: those on the table first; table: its axis fitted at the stated angles (K,), degrees.
     """
     errors = np.full(len(stated), ANGLE_ERROR_DEG)
-    solved, cost = calibrate_turntable(views, table, stated, angle_errors=errors)
+    solved, cost = calibrate_turntable(views, table, stated, errors)
     least_gain = np.log(MISTAKEN_ANGLE_ERROR_DEG / ANGLE_ERROR_DEG) - np.log(MISTAKE_RATE)
     while len(views) >= MIN_TOLD_VIEWS and (errors > ANGLE_ERROR_DEG).sum() < (1.0 - MIN_KEPT_SHARE) * len(views) - 1.0:
         held = errors == ANGLE_ERROR_DEG
-        if np.abs(relative_turns(stated, solved.angles))[held].max() < MIN_DOUBTED_TURN_DEG:
+        if np.abs(relative_turns(stated, solved.angles))[held].max(initial=0.0) < MIN_DOUBTED_TURN_DEG:
             break
         fits = {}
         for number in np.flatnonzero(held):
             loosened = np.where(np.arange(len(stated)) == number, MISTAKEN_ANGLE_ERROR_DEG, errors)
-            fits[number] = calibrate_turntable(views, table, stated, angle_errors=loosened)
+            fits[number] = calibrate_turntable(views, table, stated, loosened)
         best = min(fits, key=lambda number: fits[number][1])
         if cost - fits[best][1] < least_gain:
             break
         errors[best] = MISTAKEN_ANGLE_ERROR_DEG
-        solved, cost = calibrate_turntable(views, fits[best][0], stated, angle_errors=errors)
+        solved, cost = calibrate_turntable(views, fits[best][0], stated, errors)
         corrected = np.where(errors > ANGLE_ERROR_DEG, solved.angles, stated)
         table = calibrate_axis(views, replace(solved, angles=corrected))
     return table, errors

@@ -32,7 +32,7 @@ the wall before a cone ends at a corner; that of a smooth shoulder is steeper.""
 
 @njit(cache=True, nogil=True)
 def smooth_profile(
-    squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool = False, before_corner: bool = False
+    squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool, before_corner: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return squared radii (N,), at heights (N,), and their slopes (N,) without the staircase of pixels, corners kept.
 
@@ -206,7 +206,8 @@ def _without_cones(
     for cone in cones:
         # The corner between a foot and its stem is rounded by the contour: the stem is what comes a little above.
         has_stem = cone.stop * step < len(kept) * step - MIN_STEM_PX
-        stem = kept[cone.stop : cone.stop + round(STEM_HEIGHT_PX / step)].min() if has_stem else 0.0
+        above = slice(cone.stop, cone.stop + max(1, round(STEM_HEIGHT_PX / step)))
+        stem = kept[above].min() if has_stem else 0.0
         inside = slice(cone.start, cone.stop)
         if cone.is_sharp:
             kept[inside] = stem

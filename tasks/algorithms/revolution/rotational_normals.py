@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at
+from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at, sampled_pixels
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles
@@ -137,9 +137,7 @@ class RotationalSymmetry:
 def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tuple[float, SurfaceOfRevolution | None]:
     """Return the surface of revolution that candidates (K, H, W, 3) show best, and how many more agree than do not."""
     mask = silhouette.mask
-    rows, columns = np.nonzero(mask & np.isfinite(candidates[..., 0]).any(axis=0))
-    chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
-    rows, columns = rows[chosen], columns[chosen]
+    rows, columns = sampled_pixels(mask & np.isfinite(candidates[..., 0]).any(axis=0), SAMPLED_NORMALS)
     x, y = positions_at(rows, columns, mask.shape)
     sampled = candidates[:, rows, columns]
 

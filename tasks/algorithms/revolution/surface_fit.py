@@ -11,7 +11,7 @@ from functools import cache, cached_property, partial
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import angles, positions_at
+from glint.tasks.algorithms.geometry.vectors import angles, positions_at, sampled_pixels
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
@@ -93,12 +93,9 @@ class _SampledNormals:
     @classmethod
     def of(cls, accepted: np.ndarray, mask: np.ndarray) -> "_SampledNormals | None":
         """Return a sample of normals (H, W, 3), NaN without, in a mask (H, W) bool; None if there are too few."""
-        rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
+        rows, columns = sampled_pixels(mask & np.isfinite(accepted[..., 0]), SAMPLED_NORMALS)
         if len(rows) < MIN_NORMALS:
             return None
-        # A random sample: every n-th pixel in order would be a few columns of the image.
-        chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
-        rows, columns = rows[chosen], columns[chosen]
         return cls(*positions_at(rows, columns, mask.shape), accepted[rows, columns])
 
     def mean_error(self, surface: SurfaceOfRevolution, stride: int = 1) -> float:

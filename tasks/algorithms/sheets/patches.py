@@ -1,4 +1,4 @@
-"""Sheets that a user can be asked about: connected candidates of one label, no larger than an answer's reach.
+"""Sheets that a user can be asked about: connected candidates of one label, as far as an answer reaches.
 
 For sheets see `sheet_graph`. A sheet that wanders over half the object may be partly true and partly false
 where two sheets cross; it is cut into patches, so that one highlight stands for the whole of each.
@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from glint.tasks.algorithms.geometry.vectors import angles
 
 PATCH_INRADII = 0.6
-"""Side of the largest patch, in inradii: about as far as a mark is believed along its sheet."""
+"""Side of the largest patch, in inradii: a mark in its middle is believed to its borders."""
 MIN_PATCH_NODES = 3
 """Nodes below which a patch may be noise; a few pixels can hold a wide gap between them."""
 

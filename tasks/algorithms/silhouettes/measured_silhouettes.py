@@ -14,6 +14,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.robust import robust_deviation
+from glint.tasks.algorithms.geometry.vectors import sampled_pixels
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
 
@@ -107,11 +108,9 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. There are none if the
     normals are too few.
     """
-    rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
+    rows, columns = sampled_pixels(mask & np.isfinite(normals[..., 0]), FINE_NORMALS)
     if len(rows) < LEAST_NORMALS:
         return []
-    chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_NORMALS]
-    rows, columns = rows[chosen], columns[chosen]
     centre, inradius = np.argwhere(mask).mean(axis=0)[::-1], inradius_of(mask)
     sample = _Sample(np.column_stack([columns, rows]) - centre, normals[rows, columns].astype(float), inradius)
     angle, tilt = _best_axis(sample)

@@ -131,9 +131,7 @@ def prepare_renderer(
     )
 
 
-def camera_response(
-    image: np.ndarray, noise: np.ndarray, exposure: float = 1.0, shift: tuple[float, float] = (0.0, 0.0)
-) -> np.ndarray:
+def camera_response(image: np.ndarray, noise: np.ndarray, exposure: float, shift: tuple[float, float]) -> np.ndarray:
     """Return the camera's 8-bit frame (H, W) of a linear image (H, W): shift, exposure, gamma, noise, clipping.
 
     noise: (H, W) float32 in 8-bit levels; exposure: factor; shift: pixels to the right and down.

@@ -80,7 +80,7 @@ def _rotation_y(degrees: float) -> np.ndarray:
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def _revolve_rounded(profile: Sequence[tuple[float, float]], rounding: float = 2.0) -> Solid:
+def _revolve_rounded(profile: Sequence[tuple[float, float]], rounding: float) -> Solid:
     """Return the solid of revolution of a profile (radius, height) whose corners are rounded over `rounding` units."""
     points = np.array(profile, float)
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

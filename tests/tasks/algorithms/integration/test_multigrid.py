@@ -123,6 +123,15 @@ def test_a_solution_that_the_limit_cut_short_is_not_converged() -> None:
     assert 2 < iterations < 2000 and converged
 
 
+def test_a_source_that_is_rounding_alone_ends_the_iterations() -> None:
+    source = np.array([[1e-17, 0.0], [0.0, 0.0]])
+    weights = np.zeros((2, 2, 2))
+    weights[0, 0], weights[1, :, 0] = 1.0, 1.0
+    solution, _, converged = solve_poisson(weights, source, np.zeros((2, 2)))
+    assert not converged
+    assert np.abs(solution).max() < 1e-12
+
+
 def test_a_pull_holds_values_and_leaves_no_constant_free() -> None:
     generator = np.random.default_rng(5)
     mask = masks(31, 42)["pieces"]

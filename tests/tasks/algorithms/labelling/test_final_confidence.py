@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.labelling.final_confidence import SMALL_SHEET_RESIDUAL, held_out_residual
 from glint.tasks.algorithms.labelling.weights import FieldError
@@ -24,6 +25,17 @@ def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() 
     assert not predicted[0][20, 5]
     assert predicted[0][20, 50]
     assert not predicted[1][20, 50]
+
+
+@pytest.mark.parametrize("size", [60, 400])
+def test_the_only_sheet_of_an_object_without_contour_is_no_better_than_a_small_one(size: int) -> None:
+    normals, mask = np.broadcast_to(tilted(0.0), (size, size, 3)), np.ones((size, size), bool)
+
+    def predict(kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return normals, FieldError(ceiling=np.inf).spread(kept, size / 2.0)
+
+    residual = held_out_residual(np.zeros((size, size), int), normals, mask, mask, size / 20.0, predict)
+    assert (residual == SMALL_SHEET_RESIDUAL).all()
 
 
 def test_the_part_of_a_sheet_that_the_rest_contradicts_has_a_large_residual_alone() -> None:

@@ -96,6 +96,12 @@ def test_given_expected_normals_are_not_contradicted(
     reconstruct_normals(clusters, mask, expected=settled.smooth)
 
 
+def test_an_expected_field_that_was_not_given_may_be_contradicted(ear_scene: EarScene, settled: Alternation) -> None:
+    state = copy(settled)
+    state.expect(settled.smooth, None)
+    assert explanations.explain(state).labels.any(axis=0)[ear_scene[1]].mean() > 0.8
+
+
 def test_labels_that_become_less_likely_are_not_kept(settled: Alternation, monkeypatch: pytest.MonkeyPatch) -> None:
     assert explanations._readmitted(settled) is not None
     likelihoods = iter([1.0, 2.0])  # after, before

@@ -7,9 +7,9 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.explanations import explain
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.reconstruction import conclude, reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction, exterior_normals
-from glint.tasks.algorithms.labelling.weights import LabellingOptions
+from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, clusters_of, head_with_ear, pebble
 from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_normals
@@ -156,7 +156,8 @@ def test_labels_that_accept_nothing_start_from_the_surface_that_candidates_show(
     clusters = clusters_of(np.concatenate([observable(truth)[None], false]).astype(np.float32))
     empty = settle(clusters, mask, LabellingOptions(max_iterations=0))
     assert not empty.labels.any()
-    result = reconstruct_normals(clusters, mask, settled=empty)
+    empty.options = DEFAULT_OPTIONS
+    result = conclude(explain(empty))
     assert np.median(angles(result.normals, truth)[mask]) < 1.0
 
 

@@ -83,6 +83,13 @@ def test_few_normals_show_nothing() -> None:
     assert focal_length_of_normals(normals, CAMERA) is None
 
 
+def test_normals_of_one_block_show_nothing_as_their_standard_error_is_unknown() -> None:
+    normals = np.full((*SHAPE, 3), np.nan)
+    block = np.s_[31:44, 37:54]
+    normals[block] = normals_of(1.0 / CAMERA.width)[block]
+    assert focal_length_of_normals(normals, CAMERA) is None
+
+
 def test_gradients_of_some_pixels_are_those_of_all() -> None:
     normals, inverse = normals_of(1e-9), 1.0 / CAMERA.width
     of_all = log_depth_gradients(normals, CAMERA, inverse)

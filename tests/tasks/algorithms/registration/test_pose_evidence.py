@@ -9,6 +9,7 @@ from glint.tasks.algorithms.registration.pose_evidence import (
     MAX_BEST_TURN_DEG,
     PoseEvidence,
     best_turn,
+    likeliest_alternative,
     log_ratio,
     pose_evidence,
 )
@@ -69,3 +70,13 @@ def test_what_cannot_be_compared_counts_for_nothing() -> None:
     assert log_ratio(np.array([10.0, np.nan, 5.0]), np.array([20.0, 4.0, 5.0])) == pytest.approx(np.log(2.0))
     assert np.isnan(log_ratio(np.array([np.nan]), np.array([3.0])))
     assert not PoseEvidence(np.nan, None, np.zeros(4)).is_sufficient
+
+
+def test_an_alternative_that_cannot_be_compared_is_not_excluded() -> None:
+    unknown, worse, better = (np.nan, "unknown"), (0.8, "worse"), (-0.7, "better")
+    for ratios in ([unknown, worse], [worse, unknown], [unknown]):
+        assert np.isnan(likeliest_alternative(ratios)[0])
+    for ratios in ([unknown, better, worse], [better, unknown]):
+        assert likeliest_alternative(ratios) == better
+    assert likeliest_alternative([worse]) == worse
+    assert likeliest_alternative([]) == (np.inf, None)

@@ -47,6 +47,17 @@ def test_a_thin_foot_keeps_its_radius_and_both_its_edges(turned_over: bool) -> N
     assert radii[heights > 167.0].max() == 0.0
 
 
+def test_a_stem_is_found_by_steps_longer_than_the_height_in_which_it_is_looked_for() -> None:
+    tilt, enlarged = np.radians(14.0), 11
+    mask, axis = silhouette(tilt)
+    mask = mask.repeat(enlarged, axis=0).repeat(enlarged, axis=1)
+    axis = ReflectionAxis(enlarged * axis.point, axis.normal, 1.0)
+    surface = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step=12.5)
+    heights, radii = surface.heights / enlarged, np.sqrt(surface.squared_radii) / enlarged
+    assert np.interp(-174.5, heights, radii) == pytest.approx(61.4, abs=2.0)
+    assert radii[(heights > -170.0) & (heights < -161.0)].max() < 12.0
+
+
 def test_normals_of_the_stem_raise_the_plate_of_the_foot() -> None:
     tilt = np.radians(14.0)
     mask, axis = silhouette(tilt)
