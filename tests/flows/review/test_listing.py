@@ -45,6 +45,17 @@ def test_a_published_capture_has_its_figures(stored: tuple[Path, Path]) -> None:
     assert row.confident is not None and 0 < row.confident <= 1
 
 
+def test_another_server_has_other_revisions(tmp_path: Path) -> None:
+    """A page that outlives its server asks the next one for what is new since its own revision."""
+    revisions = list[int]()
+    for capture in ("front", "back"):
+        repository = ObjectRepository.open(local_store(tmp_path / capture), "duck")
+        save_capture(repository, capture, "k1")
+        repository.publish([capture], {})
+        revisions.append(listing(tmp_path / capture, None).revision)
+    assert revisions[0] != revisions[1]
+
+
 @pytest.mark.long
 def test_an_object_is_read_again_when_it_has_changed_alone(stored: tuple[Path, Path]) -> None:
     made = listing(stored[0], None)
@@ -264,6 +275,7 @@ def test_rows_of_captures_without_a_version_wait(stored: tuple[Path, Path], tmp_
     [
         ("0.0.0.0", None, "without a password"),
         ("0.0.0.0", "short", "5 characters"),
+        ("127.0.0.1", "correct horse \udcff", "nobody can type"),
         ("everywhere", None, "not an addr"),
     ],
 )
