@@ -33,13 +33,18 @@ export function announce(text, kind = "") {
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
 }
 
-/** Returns `action` as a listener that announces why it fails, unless its view was left. */
+/** Announces why something has failed, unless it was given up because its view was left. */
+export function announceError(error) {
+  if (error.name !== "AbortError") announce(String(error.message ?? error), "error");
+}
+
+/** Returns `action` as a listener that announces why it fails. */
 export function guarded(action) {
   return async (...given) => {
     try {
       await action(...given);
     } catch (error) {
-      if (error.name !== "AbortError") announce(String(error.message ?? error), "error");
+      announceError(error);
     }
   };
 }

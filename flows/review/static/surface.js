@@ -35,8 +35,10 @@ export async function open(root, capture, signal) {
     viewer?.dispose();
     const captures = [new Capture(facts, new ServedParts(surface, { signal }))];
     viewer = new Viewer(captures, model ? new Capture(model, new ServedParts(`${path}/model`, { signal })) : null);
+    const hadFocus = document.activeElement === select;
     viewer.element.querySelector(".viewer-bar").append(choice);
     place.replaceChildren(viewer.element);
+    if (hadFocus) select.focus();
     globalThis.glint = { viewer, ready: viewer.show("surface") };
     await globalThis.glint.ready;
   }
