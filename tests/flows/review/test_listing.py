@@ -12,7 +12,7 @@ import pytest
 from glint.flows.cli.review import review
 from glint.flows.review import listing as listing_module
 from glint.flows.review.listing import RANK, Listing
-from glint.flows.review.object_rows import Row, object_rows
+from glint.flows.review.object_rows import Row, failed_row, object_rows
 from glint.flows.review.run_states import RunStates
 from glint.flows.review.runs import Run, Runs, note
 from glint.storage.catalogue.loading import load, write
@@ -75,6 +75,18 @@ def test_what_the_catalogue_lists_is_new_and_what_is_damaged_failed(tmp_path: Pa
     made = listing(tmp_path / "store", simulated)
     (row,) = made.view("", (), "attention", 0, 10).rows
     assert row.state == "failed" and row.error and row.remedy
+
+
+def test_rows_are_sorted_by_time_wherever_the_server_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Pacific/Auckland")
+    time.tzset()
+    try:
+        before = datetime.now(UTC).isoformat(timespec="seconds")
+        failed = failed_row("duck", "front", InputError("it is gone", "look for it"))
+        assert before <= failed.date <= datetime.now(UTC).isoformat(timespec="seconds")
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_a_catalogue_with_an_error_is_told_and_the_store_read_nevertheless(tmp_path: Path, simulated: Path) -> None:
