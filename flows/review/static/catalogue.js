@@ -2,7 +2,7 @@
 // and come from the server in blocks when they are scrolled to.
 
 import { addressOf, ask, capturePath } from "./api.js";
-import { announce, announceError, duration, element, guarded, percent } from "./dom.js";
+import { announce, announceError, duration, element, guarded, moment, percent } from "./dom.js";
 import { bind } from "./keys.js";
 
 const ROW_PX = 72;
@@ -176,7 +176,7 @@ class CatalogueView {
       element("div", { class: "reason", title: fullReason(data) }, reason(data)),
       element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
         confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
-      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, day(data.date))),
+      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, moment(data.date))),
     );
     row.addEventListener("mousedown", () => this.choose(number));
     return row;
@@ -241,8 +241,4 @@ function confidentBar(share) {
   const bar = element("span", { class: "bar", "aria-hidden": "true" }, element("span"));
   bar.firstChild.style.width = `${Math.round((share ?? 0) * 100)}%`;
   return bar;
-}
-
-function day(date) {
-  return date ? new Date(date).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" }) : "";
 }

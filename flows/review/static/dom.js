@@ -54,6 +54,11 @@ export function percent(share) {
   return share === null || share === undefined ? "–" : `${Math.round(share * 100)}%`;
 }
 
+/** Returns an ISO date as the day and the time of day where the browser is; nothing for none. */
+export function moment(date) {
+  return date ? new Date(date).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" }) : "";
+}
+
 /** Returns seconds as `12 s`, `3 min`, `1 h 5 min`. */
 export function duration(seconds) {
   if (seconds === null || seconds === undefined) return "";

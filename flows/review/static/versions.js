@@ -2,7 +2,7 @@
 
 import { ask, newest, objectPath } from "./api.js";
 import { Author } from "./author.js";
-import { announce, announceError, element, guarded } from "./dom.js";
+import { announce, announceError, element, guarded, moment } from "./dom.js";
 import { guardLeaving } from "./leaving.js";
 import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
@@ -48,7 +48,7 @@ export async function open(root, capture, signal) {
     });
     const rows = versions.map(({ name, time, message }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
-      element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
+      element("td", {}, element("b", {}, name), ` ${moment(time)}`, element("div", { class: "faint" }, message)),
       element("td", { class: "state" }, i ? element("button", { type: "button", onclick: guarded(() => restore(name)) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
@@ -82,7 +82,7 @@ export async function open(root, capture, signal) {
         add.disabled = false;
       }
     });
-    const items = all.map((note) => element("li", {}, note.text, element("div", { class: "faint" }, `${note.author}, ${note.time.slice(0, 16).replace("T", " ")}`)));
+    const items = all.map((note) => element("li", {}, note.text, element("div", { class: "faint" }, `${note.author}, ${moment(note.time)}`)));
     const section = element("section", {}, element("h2", {}, "Notes"), element("ul", { class: "notes" }, ...items), form);
     return section;
   }

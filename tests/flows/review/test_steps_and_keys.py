@@ -1,7 +1,9 @@
 """Undo brings back what was there, looking changes nothing, and keys reach what has the focus."""
 
 import json
+from datetime import datetime
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import pytest
 
@@ -130,6 +132,30 @@ def test_a_result_that_comes_while_something_is_changed_is_not_shown_over_it(tab
     assert page.locator(".sphere").count() == 2
 
 
+def test_a_run_is_asked_for_once_however_often_its_key_is_pressed(tab: Tab) -> None:
+    page, sent = tab.open(INPUTS, READY), list[Any]()
+    failed = {"error": "no memory", "remedy": "end other programs"}
+
+    def answer(route: Any) -> None:
+        if route.request.method == "POST":
+            sent.append(route)
+        else:
+            route.fulfill(json=None)
+
+    page.route("**/front/run", answer)
+    page.focus("main")
+    for _ in range(3):
+        page.keyboard.press("g")
+    until(lambda: bool(page.wait_for_timeout(50)) or bool(sent))
+    page.wait_for_timeout(300)
+    assert len(sent) == 1
+    sent[0].fulfill(status=422, json=failed)
+    tab.wait("document.getElementById('status').textContent === 'no memory → end other programs'")
+    page.click("text=Run from here")
+    until(lambda: bool(page.wait_for_timeout(50)) or len(sent) == 2)
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
 def test_nothing_is_turned_while_poses_are_saved(tab: Tab) -> None:
     page, held = tab.open(INPUTS.replace("inputs", "poses"), ".plan"), list[Any]()
     page.route("**/edits", lambda route: held.append(route) if route.request.method == "POST" else route.continue_())
@@ -213,3 +239,19 @@ def test_a_draft_that_failed_is_made_again(tab: Tab) -> None:
     }""")
     assert texts[0] == "no frames → run" and texts[1].startswith("1 mark: no normals change")
     tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_all_views_show_times_where_the_browser_is(served: ServedPage, chromium: Any) -> None:
+    profile = chromium.new_context(viewport={"width": 1280, "height": 800}, timezone_id="Asia/Kolkata")
+    tab = Tab(profile.new_page(), [])
+    tab.page.goto(served.access.link())
+    tab.page.wait_for_selector(".row img")
+    moment = tab.page.inner_text(".row .version span")
+    row = json.loads(tab.page.evaluate("fetch('/api/captures/hemisphere/front').then((answer) => answer.text())"))
+    elsewhere = datetime.fromisoformat(row["date"]).astimezone(ZoneInfo("Asia/Kolkata"))
+    assert moment == f"{elsewhere:%Y-%m-%d %H:%M}"
+    version = tab.open(VERSIONS, ".versions .divider").locator(".versions tr", has_text=row["version"]).last
+    assert moment in version.inner_text()
+    surface = tab.open(INPUTS.replace("inputs", "surface"), "[aria-label=Version]")
+    assert moment in surface.inner_text("[aria-label=Version] option >> nth=0")
+    profile.close()

@@ -33,14 +33,18 @@ export class RunPanel {
 
   async start() {
     if (this.button.disabled) return;
+    this.button.disabled = true;
     try {
       this.view.spheres.finish();
-      if (this.view.history.isDirty && !(await this.view.save.save())) return;
-      this.version = (await ask(this.row, { signal: this.view.signal })).version;
-      this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
+      if (!this.view.history.isDirty || (await this.view.save.save())) {
+        this.version = (await ask(this.row, { signal: this.view.signal })).version;
+        this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
+        return;
+      }
     } catch (error) {
       announceError(error);
     }
+    this.button.disabled = false;
   }
 
   show(text, kind = "", share = undefined) {

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, announceError, element, guarded } from "../dom.js";
+import { announce, announceError, element, guarded, moment } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -25,7 +25,7 @@ export class SavePanel {
     if (this.shown === edits) return;
     this.shown = edits;
     this.revisions.replaceChildren(...edits.history.slice(0, 8).map((revision) =>
-      element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${new Date(revision.time).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" })}`),
+      element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${moment(revision.time)}`),
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
   }
 
