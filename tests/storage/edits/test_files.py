@@ -52,8 +52,8 @@ def test_a_disk_that_is_full_leaves_nothing_in_the_way_of_another_attempt(edits:
     edits.save("side", Changes(mask=noise), "Ann", edits.revision)
     disk = tmp_path / "disk"
     disk.mkdir()
-    size = ["mount", "-t", "tmpfs", "-o", "size=12k", "none", disk]
-    if os.geteuid() or subprocess.run(size, check=False).returncode:
+    mount = ["mount", "-t", "tmpfs", "-o", "size=12k", "none", str(disk)]
+    if os.geteuid() or subprocess.run(mount, check=False).returncode:
         pytest.skip("mounting a small disk needs root")
     try:
         with pytest.raises(OSError, match="No space left"):
