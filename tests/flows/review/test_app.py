@@ -84,6 +84,13 @@ def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_pa
         answer = browser.post("/api/captures/vase/front/edits", json=body)
         return answer.status_code, answer.text
 
+    def refused(mask: str) -> str:
+        body = {"changes": {"mask": mask}, "author": "Ann", "base_revision": 0}
+        answer = browser.post("/api/captures/vase/front/edits", json=body)
+        assert answer.status_code == 422
+        return str(answer.json()["error"])
+
+    assert all(refused(mask).startswith("the mask is not base64") for mask in ("====", "\u00e9", "a b"))
     whole = mask_png(np.ones((4, 6), bool))
     head = mask_png(np.ones((4, 12_000), bool))[:60]
     for data, error in (
