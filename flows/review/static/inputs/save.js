@@ -78,8 +78,7 @@ export class SavePanel {
   async showConflict(conflicts) {
     const newest = await ask(`${this.view.capture.path}/edits`);
     const lines = conflicts.map(({ field, author, time }) => element("li", {}, `${author} changed ${field} at ${new Date(time).toLocaleTimeString("sv-SE")}`));
-    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
-    showConflict(this.conflict, "changed", details, { keep: () => this.save(newest.revision), take: guarded(() => this.view.history.mayLose() && this.refresh()) });
+    showConflict(this.conflict, "changed", element("ul", {}, lines), { keep: () => this.save(newest.revision), take: guarded(() => this.view.history.mayLose() && this.refresh()) });
   }
 
   async takeBack(revision) {

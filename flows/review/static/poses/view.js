@@ -153,8 +153,7 @@ class PosesView {
       this.change(conflicts.map(({ capture, pose }) => [this.views.findIndex((view) => view.capture === capture), pose]));
       this.saveAll();
     };
-    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
-    showConflict(this.conflict, "changed", details, { keep, take: () => this.conflict.replaceChildren() });
+    showConflict(this.conflict, "changed", element("ul", {}, lines), { keep, take: () => this.conflict.replaceChildren() });
   }
 }
 

@@ -117,7 +117,7 @@ export class Marks {
       if (isSaved) announce(`${other} has saved marks meanwhile: theirs and yours are both kept.`);
       return isSaved;
     }
-    const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`);
+    const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}.`);
     showConflict(this.conflict, "marked", details, { keep: () => this.overrule(change, own), take: () => this.conflict.replaceChildren() });
     return false;
   }
