@@ -83,11 +83,15 @@ def _password(host: str) -> str | None:
     """Return the password that the user has set, None: a token is made.
 
     Raises:
-        InputError: other machines could reach the page, and there is none, or a short one.
+        InputError: other machines could reach the page, and there is none; or it is short, or no text.
     """
-    from glint.storage.errors import InputError
+    from glint.storage.errors import InputError, printable
 
     password = os.environ.get("GLINT_REVIEW_PASSWORD")
+    if password is not None and printable(password) != password:
+        raise InputError(
+            "GLINT_REVIEW_PASSWORD holds characters that nobody can type", "choose letters, digits and signs, in UTF-8"
+        )
     if password is not None and len(password) < MIN_PASSWORD_CHARACTERS:
         raise InputError(
             f"GLINT_REVIEW_PASSWORD has {len(password)} characters", f"choose {MIN_PASSWORD_CHARACTERS} or more"
@@ -143,10 +147,10 @@ def _listener(host: str, port: int | None) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((host, number))
+            listener.listen()  # fails where another server has bound the port, too, and was faster
         except OSError:
             listener.close()
             continue
-        listener.listen()
         return listener
     if port is not None:
         raise InputError(f"port {port} of {host} is taken, or may not be used", "give another with --port")

@@ -31,7 +31,7 @@ from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.remedies import on_page
 from glint.flows.review.review import Review
 from glint.storage.catalogue.messages import fault_of
-from glint.storage.errors import GlintError, NotFoundError
+from glint.storage.errors import GlintError, NotFoundError, StoreUnreachable
 from glint.storage.export.page.bundle import VIEWER
 from glint.tasks.engine.errors import UnusableCapture
 
@@ -62,6 +62,7 @@ REFUSALS: dict[int | str, dict[str, Any]] = {
     404: {"model": Refusal, "description": "no such object, capture, version or part"},
     413: {"model": Refusal, "description": "the request is too long"},
     422: {"model": Refusal, "description": "not what this description allows, or unusable input"},
+    503: {"model": Refusal, "description": "the store does not answer"},
 }
 """Answers that every operation can give besides its own."""
 
@@ -113,6 +114,10 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(NotFoundError)
     def absent(_: Request, error: Exception) -> Response:
         return refusal(404, *message_and_remedy(error))
+
+    @app.exception_handler(StoreUnreachable)
+    def unreachable(_: Request, error: Exception) -> Response:
+        return refusal(503, *message_and_remedy(error))
 
     @app.exception_handler(GlintError)
     @app.exception_handler(UnusableCapture)

@@ -63,7 +63,8 @@ class Listing:
         self._stamps: dict[str, Any] = {}
         self._retries: dict[str, float] = {}
         self._views: dict[tuple[str, tuple[str, ...], str], tuple[int, list[Row], dict[str, int]]] = {}
-        self._revision, self._is_complete, self._problem = 0, False, ""
+        # Counted from the present on: a page that outlives its server must not take the next one's rows for its own.
+        self._revision, self._is_complete, self._problem = int(1000 * time.time()), False, ""
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="glint-listing", daemon=True)
 

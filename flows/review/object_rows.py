@@ -3,7 +3,7 @@
 import os
 import time
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
@@ -100,7 +100,9 @@ def object_rows(location: Location, object_id: str) -> list[Row]:
 def failed_row(object_id: str, capture: str, error: Exception) -> Row:
     """Return the row of a capture whose results cannot be read."""
     message, remedy = message_and_remedy(error)
-    return Row(object_id, capture, "failed", error=message, remedy=remedy, date=datetime.now().astimezone().isoformat())
+    # Rows are sorted by the text of their dates, and those of versions are in UTC.
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return Row(object_id, capture, "failed", error=message, remedy=remedy, date=now)
 
 
 def object_stamp(location: Location, object_id: str) -> Any:

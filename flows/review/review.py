@@ -10,7 +10,7 @@ from glint.flows.review.listing import Listing
 from glint.flows.review.object_rows import object_stamp
 from glint.flows.review.preparation import Preparation
 from glint.flows.review.runs import Runs
-from glint.storage.catalogue.loading import Capture
+from glint.storage.catalogue.loading import Capture, Object
 from glint.storage.edits.edits import Edits
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
@@ -67,7 +67,7 @@ class Review:
         Raises:
             NotFoundError: neither has it.
         """
-        if self.catalogue is not None and any(item.id == object_id for item in load_catalogue(self.catalogue).objects):
+        if self.catalogue is not None and self._listed(object_id) is not None:
             return self.catalogue
         address = self.stored(object_id).latest.metadata.get("catalogue")
         if not address:
@@ -80,10 +80,9 @@ class Review:
         Raises:
             NotFoundError: neither has the object.
         """
-        if self.catalogue is not None:
-            for item in load_catalogue(self.catalogue).objects:
-                if item.id == object_id:
-                    return [capture.id for capture in item.captures]
+        listed = self._listed(object_id)
+        if listed is not None:
+            return [capture.id for capture in listed.captures]
         return sorted(self.stored(object_id).latest)
 
     def context(self, object_id: str, capture_id: str) -> CaptureContext:
@@ -92,11 +91,9 @@ class Review:
         Raises:
             NotFoundError: there is no such capture; StoreError: what is recorded of it cannot be used.
         """
-        if self.catalogue is not None:
-            catalogue = load_catalogue(self.catalogue)
-            for item in catalogue.objects:
-                if item.id == object_id and any(capture.id == capture_id for capture in item.captures):
-                    return CaptureContext.of(catalogue, object_id, capture_id, self.store)
+        listed = self._listed(object_id)
+        if self.catalogue is not None and listed and any(capture.id == capture_id for capture in listed.captures):
+            return CaptureContext.of(load_catalogue(self.catalogue), object_id, capture_id, self.store)
         latest = self.stored(object_id).latest
         recorded = latest.metadata.get("captures", {}).get(capture_id, {})
         entry, parameters = unedited_entry(recorded), recorded.get("parameters", {})
@@ -118,6 +115,11 @@ class Review:
     def edits(self, object_id: str) -> Edits | None:
         """Open the edits of an object, None where the store does not have it yet."""
         return None if self.repository(object_id) is None else Edits.open(self.location, object_id, create=False)
+
+    def _listed(self, object_id: str) -> Object | None:
+        """Return an object as the catalogue lists it, None where there is no catalogue or it is not in it."""
+        objects = () if self.catalogue is None else load_catalogue(self.catalogue).objects
+        return next((item for item in objects if item.id == object_id), None)
 
     def _found_version(self, object_id: str, name: str, _stamp: Any) -> VersionReference:
         repository = self._existing(object_id)

@@ -1,5 +1,6 @@
 """Edits as files: those that a catalogue names, and a YAML file of all else with the keys of a catalogue."""
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,17 @@ def write_files(edits: Edits, captures: Sequence[str], out: Path) -> list[Path]:
     """
     if out.exists() and any(out.iterdir()):
         raise OutputError(f"{out} is not empty", "name a new folder with --out")
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        return _written(edits, captures, out)
+    except BaseException:
+        # What is left of a folder would be in the way of the next attempt.
+        for path in out.iterdir():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        raise
+
+
+def _written(edits: Edits, captures: Sequence[str], out: Path) -> list[Path]:
     written, entries = list[Path](), list[dict[str, Any]]()
     for capture in captures:
         current = edits.current(capture)
@@ -42,10 +54,9 @@ def write_files(edits: Edits, captures: Sequence[str], out: Path) -> list[Path]:
             entry["notes"] = [note.model_dump(mode="json") for note in current.notes]
         for name, data in files.items():
             written.append(out / capture / name)
-            written[-1].parent.mkdir(parents=True, exist_ok=True)
+            written[-1].parent.mkdir(exist_ok=True)
             written[-1].write_bytes(data)
         entries.append(entry)
-    out.mkdir(parents=True, exist_ok=True)
     (out / EDITS_FILE).write_bytes(yaml_text({"captures": entries}))
     return [out / EDITS_FILE, *written]
 

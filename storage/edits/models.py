@@ -1,7 +1,6 @@
 """Models of the fields that a person can edit; they check whatever comes from outside."""
 
 import base64
-import binascii
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -36,7 +35,7 @@ def _decoded_mask(value: Any) -> np.ndarray:
             raise ValueError(f"the mask has more than {MAX_MASK_BYTES:,} bytes")
         try:
             value = decode_mask(base64.b64decode(value, validate=True), "the mask")
-        except (binascii.Error, InputError) as error:
+        except (ValueError, InputError) as error:
             raise ValueError(f"the mask is not an image in base64: {error}") from error
     if not isinstance(value, np.ndarray) or value.dtype != np.bool_ or value.ndim != 2:
         raise ValueError("a mask is a bool array (H, W), or the base64 of a PNG")

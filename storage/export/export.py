@@ -14,7 +14,7 @@ from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.mesh_files import with_asset_facts
 from glint.storage.export.object_page import PageCapture, capture_page_of, object_page, page_capture
-from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_beside
+from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_for
 from glint.storage.export.report import code_names
 from glint.storage.export.stored_capture import entry_of, model_result
 from glint.storage.inputs.lp_file import write_lights
@@ -51,7 +51,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
     model = model_result(repository, chosen)
-    with output_errors(out, object_id), temporary_folder_beside(out) as content:
+    with output_errors(out, object_id), temporary_folder_for(out) as content:
         facts = {"object": object_id, "version": chosen.name}
         for name in chosen.stages:
             if name == WHOLE_OBJECT:
@@ -150,7 +150,7 @@ def export_page(location: Location, object_id: str, out: Path, version: str | No
     chosen = repository.version(version)
     html = object_page(repository, chosen).encode()
     path = out if out.suffix == ".html" else out / f"{object_id}.html"
-    with output_errors(out, object_id), temporary_folder_beside(path) as folder:
+    with output_errors(out, object_id), temporary_folder_for(path) as folder:
         (folder / path.name).write_bytes(html)
         (folder / path.name).replace(path)
     return ExportRecord(object_id, chosen.name, chosen.snapshot, str(path), chosen.captures, 1, len(html))

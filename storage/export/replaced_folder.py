@@ -4,7 +4,7 @@ import errno
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -61,20 +61,37 @@ def replaced_folder(out: Path, facts: Mapping[str, str]) -> Iterator[Path]:
         raise StoreError(
             f"{out} is not an export of {facts['object']} as {facts['format']}", "name another folder with --out"
         )
-    with temporary_folder_beside(out) as content:
+    place = out.resolve()
+    is_disk = place.is_mount()
+    with _temporary_folder(place if is_disk else place.parent, place.name) as content:
         yield content
         (content / MARKER).write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+        earlier = [path for path in place.iterdir() if path != content.parent] if is_disk else []
         with _revocable_renames() as rename:
-            if out.exists():
-                rename(out, content.with_name("old"))
-            rename(content, out)
+            if is_disk:  # which cannot be renamed itself
+                _exchange(rename, earlier, content, place)
+            else:
+                if place.exists():
+                    rename(place, content.with_name("old"))
+                rename(content, place)
 
 
 @contextmanager
-def temporary_folder_beside(out: Path) -> Iterator[Path]:
-    """Yield an empty folder `content` on the file system of `out`; it and its parent are removed afterwards."""
+def temporary_folder_for(out: Path) -> Iterator[Path]:
+    """Yield an empty folder `content` on the file system of `out`; it and its parent are removed afterwards.
+
+    It lies in `out` where that is a folder: the one that contains it may be another user's, or on another disk.
+    """
     out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.resolve().parent))
+    place = out.resolve()
+    with _temporary_folder(place if place.is_dir() else place.parent, place.name) as content:
+        yield content
+
+
+@contextmanager
+def _temporary_folder(parent: Path, name: str) -> Iterator[Path]:
+    parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=parent))
     try:
         content = temporary / "content"
         content.mkdir()
@@ -84,7 +101,7 @@ def temporary_folder_beside(out: Path) -> Iterator[Path]:
 
 
 def merge_into(content: Path, out: Path, object_id: str, report: str) -> None:
-    """Move the entries of `content` (see `temporary_folder_beside`) to `out`: at once where `out` is new.
+    """Move the entries of `content` (see `temporary_folder_for`) to `out`: at once where `out` is new.
 
     Folders of an earlier export of the object are replaced or removed. They are recognized by their file `report`.
     Where an error ends this, `out` is as it was.
@@ -105,13 +122,18 @@ def merge_into(content: Path, out: Path, object_id: str, report: str) -> None:
         for path in out.iterdir()
         if (content / path.name).exists() or (path.is_dir() and _exported_object(path / report) == object_id)
     ]
+    with _revocable_renames() as rename:
+        _exchange(rename, earlier, content, out)
+
+
+def _exchange(rename: Callable[[Path, Path], None], earlier: Iterable[Path], content: Path, out: Path) -> None:
+    """Move `earlier` entries of `out` away, and those of `content` there."""
     replaced = content.with_name("old")
     replaced.mkdir()
-    with _revocable_renames() as rename:
-        for path in earlier:
-            rename(path, replaced / path.name)
-        for entry in sorted(content.iterdir()):
-            rename(entry, out / entry.name)
+    for path in earlier:
+        rename(path, replaced / path.name)
+    for entry in sorted(content.iterdir()):
+        rename(entry, out / entry.name)
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """Collect what the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
 
 import base64
-import binascii
 from typing import Any
 
 import numpy as np
@@ -148,7 +147,7 @@ def check_mask_head(mask: str, context: CaptureContext) -> None:
     """
     try:
         data = base64.b64decode(mask, validate=True)
-    except binascii.Error as error:
+    except ValueError as error:  # binascii.Error is one, and other letters than those of ASCII are another
         raise InputError(f"the mask is not base64 ({error})", "send the base64 of a PNG") from error
     if not data.startswith(PNG_SIGNATURE):
         raise InputError("the mask is no PNG", "send the base64 of a PNG")

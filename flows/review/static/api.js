@@ -25,9 +25,7 @@ export function addressOf(object, capture, view = "inputs") {
 
 /** Asks the server for a picture. */
 export async function askPicture(path, signal) {
-  const answer = await fetch(path, { signal });
-  if (!answer.ok) throw new ApiError(answer.status, await answer.json());
-  return answer.blob();
+  return (await answerOf(path, { signal })).blob();
 }
 
 /** Asks the server; null where it has nothing new. */
@@ -37,6 +35,20 @@ export async function ask(path, { method = "GET", body, signal } = {}) {
     options.body = JSON.stringify(body);
     options.headers = { "Content-Type": "application/json" };
   }
+  const answer = await answerOf(path, options);
+  return answer.status === 204 ? null : answer.json();
+}
+
+/** Returns what counts the requests of one kind: each call begins one, and returns whether it is still the newest. */
+export function newest() {
+  let count = 0;
+  return () => {
+    const own = (count += 1);
+    return () => own === count;
+  };
+}
+
+async function answerOf(path, options) {
   let answer;
   try {
     answer = await fetch(path, options);
@@ -44,8 +56,6 @@ export async function ask(path, { method = "GET", body, signal } = {}) {
     if (error.name === "AbortError") throw error;
     throw new ApiError(0, { error: "the server does not answer", remedy: "start glint review again" });
   }
-  if (answer.status === 204) return null;
-  const content = await answer.json().catch(() => ({ error: `status ${answer.status}`, remedy: "" }));
-  if (!answer.ok) throw new ApiError(answer.status, content);
-  return content;
+  if (answer.ok) return answer;
+  throw new ApiError(answer.status, await answer.json().catch(() => ({ error: `status ${answer.status}`, remedy: "" })));
 }

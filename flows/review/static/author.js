@@ -27,6 +27,7 @@ export class Author {
 export function showConflict(place, verb, details, { keep, take }) {
   const own = element("button", { type: "button", onclick: keep }, "Save mine over it");
   const theirs = element("button", { type: "button", onclick: take }, "Take theirs");
-  place.replaceChildren(element("div", { class: "conflict" }, element("b", {}, `Not saved: somebody else has ${verb} the same.`), details, element("div", { class: "line" }, own, theirs)));
+  const both = element("p", {}, "Both stay in the history, whichever you choose.");
+  place.replaceChildren(element("div", { class: "conflict" }, element("b", {}, `Not saved: somebody else has ${verb} the same.`), details, both, element("div", { class: "line" }, own, theirs)));
   own.focus();
 }

@@ -2,7 +2,7 @@
 // and come from the server in blocks when they are scrolled to.
 
 import { addressOf, ask, capturePath } from "./api.js";
-import { announce, duration, element, guarded, percent } from "./dom.js";
+import { announce, announceError, duration, element, guarded, moment, percent } from "./dom.js";
 import { bind } from "./keys.js";
 
 const ROW_PX = 72;
@@ -87,13 +87,14 @@ class CatalogueView {
     this.blocks.clear();
     this.asked.clear();
     answers.forEach((answer, index) => this.take(answer, wanted[index]));
+    // Blocks that come later may be newer: the first ones are asked for again as soon as they are older than the rest.
+    this.revision = Math.min(...answers.map(({ revision }) => revision));
     this.draw();
   }
 
   take(answer, block) {
     this.blocks.set(block, answer.rows);
     this.total = answer.total;
-    this.revision = answer.revision;
     this.space.style.height = `${this.total * ROW_PX}px`;
     const all = (this.all = Object.values(answer.counts).reduce((sum, count) => sum + count, 0));
     const reading = answer.complete ? "" : " · reading the store";
@@ -153,7 +154,7 @@ class CatalogueView {
       this.draw();
     } catch (error) {
       this.asked.delete(block);
-      if (error.name !== "AbortError") announce(error.message, "error");
+      announceError(error);
     }
   }
 
@@ -175,7 +176,7 @@ class CatalogueView {
       element("div", { class: "reason", title: fullReason(data) }, reason(data)),
       element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
         confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
-      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, day(data.date))),
+      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, moment(data.date))),
     );
     row.addEventListener("mousedown", () => this.choose(number));
     return row;
@@ -210,8 +211,7 @@ class CatalogueView {
           if (document.getElementById("status").className === "error") announce("");
         }
       } catch (error) {
-        if (error.name === "AbortError") return;
-        announce(error.message, "error");
+        announceError(error);
       }
       setTimeout(next, POLL_MS);
     };
@@ -241,8 +241,4 @@ function confidentBar(share) {
   const bar = element("span", { class: "bar", "aria-hidden": "true" }, element("span"));
   bar.firstChild.style.width = `${Math.round((share ?? 0) * 100)}%`;
   return bar;
-}
-
-function day(date) {
-  return date ? new Date(date).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" }) : "";
 }

@@ -33,13 +33,18 @@ export function announce(text, kind = "") {
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
 }
 
-/** Returns `action` as a listener that announces why it fails, unless its view was left. */
+/** Announces why something has failed, unless it was given up because its view was left. */
+export function announceError(error) {
+  if (error.name !== "AbortError") announce(String(error.message ?? error), "error");
+}
+
+/** Returns `action` as a listener that announces why it fails. */
 export function guarded(action) {
   return async (...given) => {
     try {
       await action(...given);
     } catch (error) {
-      if (error.name !== "AbortError") announce(String(error.message ?? error), "error");
+      announceError(error);
     }
   };
 }
@@ -47,6 +52,11 @@ export function guarded(action) {
 /** Returns a share as a percentage, a dash for what is not known. */
 export function percent(share) {
   return share === null || share === undefined ? "–" : `${Math.round(share * 100)}%`;
+}
+
+/** Returns an ISO date as the day and the time of day where the browser is; nothing for none. */
+export function moment(date) {
+  return date ? new Date(date).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" }) : "";
 }
 
 /** Returns seconds as `12 s`, `3 min`, `1 h 5 min`. */

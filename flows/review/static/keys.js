@@ -1,13 +1,16 @@
 // Keys of the view that is open, and the dialog that lists them.
 
-const SAVE = "Ctrl+s";
 /** The key that also counts while a field is being filled in. */
+const SAVE = "Ctrl+s";
+/** Keys that move a slider; that of the timeline moves by the view's keys for frames. */
+const SLIDING = /^(Arrow|Page|Home|End)/;
 
 let shown = [];
 
 /** Makes these the view's keys: [key, text, action]; `signal` ends them. */
 export function bind(keys, signal) {
   shown = keys;
+  signal.addEventListener("abort", () => { if (shown === keys) shown = []; });
   addEventListener(
     "keydown",
     (event) => {
@@ -15,8 +18,9 @@ export function bind(keys, signal) {
       const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
       const field = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
       if (field && (name !== SAVE || field.matches("dialog"))) return;
+      if (SLIDING.test(event.key) && event.target.matches?.("input[type=range]") && !event.target.closest(".timeline")) return;
       const known = keys.find(([key]) => key.split(" ").includes(name) || (key === "Space" && event.key === " "));
-      if (!known || (event.target.closest?.("button, a, [role=listbox]") && ["Enter", " "].includes(event.key))) return;
+      if (!known || (event.target.closest?.("button, a, input[type=checkbox], [role=listbox]") && ["Enter", " "].includes(event.key))) return;
       event.preventDefault();
       // What has been typed so far counts as entered.
       field?.blur();

@@ -62,7 +62,7 @@ async function show() {
     await (await view[2]()).open(root, capture, leaving.signal);
   } catch (error) {
     if (error.name === "AbortError") return;
-    if (error instanceof ApiError && error.status === 401) location.assign("/open");
+    if (error instanceof ApiError && error.status === 401) location.assign(`/open${location.hash}`);
     // What a view has begun to lay out has no place for it.
     root.className = "view";
     root.replaceChildren(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));

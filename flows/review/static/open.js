@@ -7,12 +7,14 @@ const form = document.getElementById("form");
 const place = location.hash.startsWith("#/") ? location.hash : "";
 
 async function enter(token) {
-  const answer = await fetch("/api/session", { method: "POST", body: token });
-  if (answer.ok) {
+  const answer = await fetch("/api/session", { method: "POST", body: token }).catch(() => null);
+  if (answer?.ok) {
     location.replace(`/${place}`);
     return;
   }
-  message.textContent = "This link is of an earlier start, or the password is wrong. Open the link that was printed last.";
+  message.textContent = answer
+    ? "This link is of an earlier start, or the password is wrong. Open the link that was printed last."
+    : "The server does not answer: start glint review again.";
   form.hidden = false;
   document.getElementById("password").focus();
 }

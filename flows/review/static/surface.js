@@ -1,7 +1,7 @@
 // The surface view: a version of a capture relit, its lenses, its mesh and the object's model, by the viewer's modules.
 
 import { ask, objectPath } from "./api.js";
-import { addStyleSheets, element, guarded } from "./dom.js";
+import { addStyleSheets, element, guarded, moment } from "./dom.js";
 import { bind } from "./keys.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { Viewer } from "./viewer/viewer.js";
@@ -23,7 +23,7 @@ export async function open(root, capture, signal) {
     return;
   }
   const select = element("select", { "aria-label": "Version", onchange: guarded(() => show(select.value)) },
-    ...versions.map(({ name, time }) => element("option", { value: name }, `${name}, ${time.slice(0, 16).replace("T", " ")}`)));
+    ...versions.map(({ name, time }) => element("option", { value: name }, `${name}, ${moment(time)}`)));
   const choice = element("label", { class: "version" }, "Version ", select);
   let viewer = null;
 
@@ -35,8 +35,10 @@ export async function open(root, capture, signal) {
     viewer?.dispose();
     const captures = [new Capture(facts, new ServedParts(surface, { signal }))];
     viewer = new Viewer(captures, model ? new Capture(model, new ServedParts(`${path}/model`, { signal })) : null);
+    const hadFocus = document.activeElement === select;
     viewer.element.querySelector(".viewer-bar").append(choice);
     place.replaceChildren(viewer.element);
+    if (hadFocus) select.focus();
     globalThis.glint = { viewer, ready: viewer.show("surface") };
     await globalThis.glint.ready;
   }

@@ -1,5 +1,6 @@
 // Two versions of a surface under one light, one over the other up to a line that a slider moves.
 
+import { newest } from "./api.js";
 import { element } from "./dom.js";
 import { Dial } from "./viewer/dial.js";
 import { choices, slider } from "./viewer/elements.js";
@@ -32,6 +33,7 @@ export class VersionStage {
       choices("Material", MATERIALS, "glossy", (material) => this.set({ material })),
       element("label", { class: "check" }, this.angles, element("span", {}, "Map of angles")), this.legend);
     this.element = element("section", { class: "viewer" }, this.stage.element, this.controls);
+    [this.beginPair, this.beginAngles] = [newest(), newest()];
     this.split(0.5);
   }
 
@@ -46,12 +48,12 @@ export class VersionStage {
 
   /** Show a comparison (payload.js) of the versions of these names. */
   async setPair(capture, before, after) {
+    const isNewest = this.beginPair(), { width, height } = capture;
+    const names = ["before_normals", "before_mask", "after_normals", "after_mask"];
+    const arrays = await Promise.all(names.map((name) => capture.array(name)));
+    if (!isNewest()) return;
     this.capture = capture;
-    const { width, height } = capture;
-    for (const [i, name] of ["before", "after"].entries()) {
-      const normals = unitVectors(await capture.array(`${name}_normals`));
-      this.views[i].setNormals(normals, await capture.array(`${name}_mask`), width, height);
-    }
+    this.views.forEach((view, i) => view.setNormals(unitVectors(arrays[2 * i]), arrays[2 * i + 1], width, height));
     this.names[0].textContent = before;
     this.names[1].textContent = after;
     this.viewport.setSize(width, height);
@@ -59,13 +61,15 @@ export class VersionStage {
   }
 
   async showAngles(isOn) {
+    const isNewest = this.beginAngles();
     if (!isOn) {
       this.legend.replaceChildren();
       this.set({ lensShare: 0 });
       return;
     }
-    const { colours, legend } = await lens(this.capture, "difference");
-    for (const view of this.views) view.setPicture("lens", colours, this.capture.width, this.capture.height);
+    const { capture } = this, { colours, legend } = await lens(capture, "difference");
+    if (!isNewest()) return;
+    for (const view of this.views) view.setPicture("lens", colours, capture.width, capture.height);
     this.legend.replaceChildren(legend);
     this.set({ lensShare: 0.85 });
   }

@@ -1,8 +1,8 @@
 // The versions view: two versions side by side, the angles between them, what changed in words, notes, rollback.
 
-import { ask, objectPath } from "./api.js";
+import { ask, newest, objectPath } from "./api.js";
 import { Author } from "./author.js";
-import { announce, element, guarded } from "./dom.js";
+import { announce, announceError, element, guarded, moment } from "./dom.js";
 import { guardLeaving } from "./leaving.js";
 import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
@@ -12,26 +12,29 @@ export async function open(root, capture, signal) {
   addStyles();
   const place = element("div", { class: "surface-page" });
   root.append(place);
-  const main = element("div"), side = element("div", { class: "side" });
-  let stage = null, turn = 0, written = null;
+  const main = element("div"), side = element("div", { class: "side" }), content = element("div", { class: "versions" }, main, side);
+  const begin = newest();
+  let stage = null, written = null;
   signal.addEventListener("abort", () => stage?.dispose());
 
   async function show(before, after) {
-    const own = (turn += 1);
+    const isNewest = begin();
     const versions = (await ask(`${objectPath(capture.object)}/versions`, { signal })).filter(({ captures }) => captures.includes(capture.capture));
     if (!versions.length) {
       place.replaceChildren(element("p", { class: "faint" }, "No version holds this capture yet: run it first."));
       return;
     }
-    const newest = versions[0].name, other = (versions[1] ?? versions[0]).name;
-    const chosen = { before: before ?? other, after: after ?? newest };
+    const [latest, other = latest] = versions;
+    const chosen = { before: before ?? other.name, after: after ?? latest.name };
     written ??= await notes();
-    if (own !== turn) return;
+    if (!isNewest()) return;
+    const focused = side.contains(document.activeElement) && document.activeElement.ariaLabel;
     side.replaceChildren(listed(versions, chosen), written);
-    place.replaceChildren(element("div", { class: "versions" }, main, side));
+    if (!content.isConnected) place.replaceChildren(content);
+    if (focused) side.querySelector(`[aria-label="${focused}"]`)?.focus();
     const path = `${objectPath(capture.object)}/differences/${chosen.before}/${chosen.after}/${encodeURIComponent(capture.capture)}`;
     const facts = await ask(path, { signal });
-    if (own !== turn) return;
+    if (!isNewest()) return;
     stage ??= new VersionStage();
     main.replaceChildren(stage.element, differences(facts, chosen));
     globalThis.glint = { stage, ready: stage.setPair(new Capture(facts, new ServedParts(path, { signal })), chosen.before, chosen.after) };
@@ -45,7 +48,7 @@ export async function open(root, capture, signal) {
     });
     const rows = versions.map(({ name, time, message }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
-      element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
+      element("td", {}, element("b", {}, name), ` ${moment(time)}`, element("div", { class: "faint" }, message)),
       element("td", { class: "state" }, i ? element("button", { type: "button", onclick: guarded(() => restore(name)) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
@@ -62,20 +65,24 @@ export async function open(root, capture, signal) {
     const { notes: all, revision } = await ask(`${capture.path}/edits`, { signal });
     const author = new Author("note");
     const text = element("textarea", { "aria-label": "Note", placeholder: "What should others know?", maxlength: "4000", required: true });
-    const form = element("form", {}, text, author.input, element("button", { class: "primary" }, "Add the note"));
+    const add = element("button", { class: "primary" }, "Add the note");
+    const form = element("form", {}, text, author.input, add);
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       const name = author.name;
       if (!name) return;
+      add.disabled = true;
       try {
         await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: name, base_revision: revision } });
         written = await notes();
         section.replaceWith(written);
       } catch (error) {
-        announce(String(error.message), "error");
+        announceError(error);
+      } finally {
+        add.disabled = false;
       }
     });
-    const items = all.map((note) => element("li", {}, note.text, element("div", { class: "faint" }, `${note.author}, ${note.time.slice(0, 16).replace("T", " ")}`)));
+    const items = all.map((note) => element("li", {}, note.text, element("div", { class: "faint" }, `${note.author}, ${moment(note.time)}`)));
     const section = element("section", {}, element("h2", {}, "Notes"), element("ul", { class: "notes" }, ...items), form);
     return section;
   }

@@ -1,7 +1,9 @@
 """Mistakes on the command line: the offending value and the remedy are named before anything is computed."""
 
 import socket
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 from typer.testing import CliRunner
@@ -96,6 +98,22 @@ def test_an_option_out_of_range_is_shown_with_its_value(
 def test_an_origin_is_written_as_browsers_send_it() -> None:
     given = ["HTTPS://Glint.example:443/", "http://[::1]:4300", "http://10.0.0.1:80"]
     assert _origins(given, "0.0.0.0") == ("https://glint.example", "http://[::1]:4300", "http://10.0.0.1")
+
+
+def test_pages_that_start_at_once_take_ports_of_their_own() -> None:
+    pages, rounds = 8, 40
+    start = Barrier(pages)
+
+    def listener(_: int) -> socket.socket:
+        start.wait()
+        return _listener("127.0.0.1", None)
+
+    with ThreadPoolExecutor(pages) as pool:
+        for _ in range(rounds):
+            listeners = list(pool.map(listener, range(pages)))
+            assert len({item.getsockname() for item in listeners}) == pages
+            for item in listeners:
+                item.close()
 
 
 def test_a_new_store_has_no_objects(tmp_path: Path, glint_home: Path) -> None:

@@ -2,6 +2,7 @@
 
 import base64
 import shutil
+import socket
 from pathlib import Path
 
 import cv2
@@ -20,10 +21,11 @@ CATALOGUE = "schema: 1\nname: x\nobjects:\n- {id: vase, captures: [{id: front, f
 INPUTS = "/api/captures/vase/front/inputs"
 
 
-def client(store: Path, catalogue: Path | None = None) -> TestClient:
+def client(store: Path | Location, catalogue: Path | None = None) -> TestClient:
     """A browser that was let in, without a server in between; what the server does not expect is raised."""
     access = Access(("http://127.0.0.1:4300",))
-    app = create_app(str(store), None if catalogue is None else str(catalogue), access)
+    address = store.uri if isinstance(store, Location) else str(store)
+    app = create_app(address, None if catalogue is None else str(catalogue), access)
     headers = {"Cookie": f"{access.cookie}={access.session}"}
     return TestClient(app, base_url=access.origins[0], headers=headers)
 
@@ -40,6 +42,17 @@ def test_a_catalogue_that_cannot_be_used_is_answered_with_its_error(tmp_path: Pa
     answer = client(tmp_path / "store", tmp_path / "catalogue.yaml").get(INPUTS)
     assert answer.status_code == 422
     assert error in answer.json()["error"] and answer.json()["remedy"]
+
+
+@pytest.mark.long
+def test_a_store_that_does_not_answer_is_no_fault_of_the_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        endpoint = f"http://127.0.0.1:{unused.getsockname()[1]}"
+    keys = {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "AWS_REGION": "us-east-1"}
+    for name, value in (keys | {"AWS_ENDPOINT_URL": endpoint, "AWS_ALLOW_HTTP": "true"}).items():
+        monkeypatch.setenv(name, value)
+    answer = client(Location.parse("s3://bucket/store")).get("/api/objects/vase/versions")
+    assert answer.status_code == 503 and "the server is up" in answer.json()["remedy"]
 
 
 def test_a_store_that_was_removed_and_filled_again_is_shown_as_it_is_now(tmp_path: Path) -> None:
@@ -71,6 +84,13 @@ def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_pa
         answer = browser.post("/api/captures/vase/front/edits", json=body)
         return answer.status_code, answer.text
 
+    def refused(mask: str) -> str:
+        body = {"changes": {"mask": mask}, "author": "Ann", "base_revision": 0}
+        answer = browser.post("/api/captures/vase/front/edits", json=body)
+        assert answer.status_code == 422
+        return str(answer.json()["error"])
+
+    assert all(refused(mask).startswith("the mask is not base64") for mask in ("====", "\u00e9", "a b"))
     whole = mask_png(np.ones((4, 6), bool))
     head = mask_png(np.ones((4, 12_000), bool))[:60]
     for data, error in (

@@ -12,7 +12,7 @@ import pytest
 from glint.flows.cli.review import review
 from glint.flows.review import listing as listing_module
 from glint.flows.review.listing import RANK, Listing
-from glint.flows.review.object_rows import Row, object_rows
+from glint.flows.review.object_rows import Row, failed_row, object_rows
 from glint.flows.review.run_states import RunStates
 from glint.flows.review.runs import Run, Runs, note
 from glint.storage.catalogue.loading import load, write
@@ -45,6 +45,17 @@ def test_a_published_capture_has_its_figures(stored: tuple[Path, Path]) -> None:
     assert row.confident is not None and 0 < row.confident <= 1
 
 
+def test_another_server_has_other_revisions(tmp_path: Path) -> None:
+    """A page that outlives its server asks the next one for what is new since its own revision."""
+    revisions = list[int]()
+    for capture in ("front", "back"):
+        repository = ObjectRepository.open(local_store(tmp_path / capture), "duck")
+        save_capture(repository, capture, "k1")
+        repository.publish([capture], {})
+        revisions.append(listing(tmp_path / capture, None).revision)
+    assert revisions[0] != revisions[1]
+
+
 @pytest.mark.long
 def test_an_object_is_read_again_when_it_has_changed_alone(stored: tuple[Path, Path]) -> None:
     made = listing(stored[0], None)
@@ -64,6 +75,18 @@ def test_what_the_catalogue_lists_is_new_and_what_is_damaged_failed(tmp_path: Pa
     made = listing(tmp_path / "store", simulated)
     (row,) = made.view("", (), "attention", 0, 10).rows
     assert row.state == "failed" and row.error and row.remedy
+
+
+def test_rows_are_sorted_by_time_wherever_the_server_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Pacific/Auckland")
+    time.tzset()
+    try:
+        before = datetime.now(UTC).isoformat(timespec="seconds")
+        failed = failed_row("duck", "front", InputError("it is gone", "look for it"))
+        assert before <= failed.date <= datetime.now(UTC).isoformat(timespec="seconds")
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_a_catalogue_with_an_error_is_told_and_the_store_read_nevertheless(tmp_path: Path, simulated: Path) -> None:
@@ -264,6 +287,7 @@ def test_rows_of_captures_without_a_version_wait(stored: tuple[Path, Path], tmp_
     [
         ("0.0.0.0", None, "without a password"),
         ("0.0.0.0", "short", "5 characters"),
+        ("127.0.0.1", "correct horse \udcff", "nobody can type"),
         ("everywhere", None, "not an addr"),
     ],
 )

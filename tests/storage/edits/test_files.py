@@ -1,5 +1,7 @@
 """Edits as files: written as a catalogue names them, taken from there, and mistakes in them named."""
 
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,22 @@ def test_what_was_written_is_taken_again(edits: Edits, tmp_path: Path) -> None:
     assert take_files(copy, tmp_path / "out/edits.yaml", "Bob") == [], "it is there already"
     with pytest.raises(OutputError, match="is not empty"):
         write_files(edits, ["front"], tmp_path / "out")
+
+
+def test_a_disk_that_is_full_leaves_nothing_in_the_way_of_another_attempt(edits: Edits, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).random((400, 400)) < 0.5
+    edits.save("side", Changes(mask=noise), "Ann", edits.revision)
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=12k", "none", str(disk)]
+    if os.geteuid() or subprocess.run(mount, check=False).returncode:
+        pytest.skip("mounting a small disk needs root")
+    try:
+        with pytest.raises(OSError, match="No space left"):
+            write_files(edits, edits.captures(), disk)
+        assert not list(disk.iterdir())
+    finally:
+        subprocess.run(["umount", disk], check=True)
 
 
 def test_only_named_keys_change_and_null_takes_an_edit_back(edits: Edits, tmp_path: Path) -> None:

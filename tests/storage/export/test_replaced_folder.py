@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from glint.storage.errors import StoreError
-from glint.storage.export.replaced_folder import merge_into, replaced_folder, temporary_folder_beside
+from glint.storage.export.replaced_folder import merge_into, replaced_folder, temporary_folder_for
 
 FACTS = {"object": "glass", "format": "page"}
 
@@ -44,7 +44,7 @@ def test_an_export_that_cannot_take_its_place_leaves_the_earlier_one(
 
 
 def merge(out: Path, text: str, captures: tuple[str, ...]) -> None:
-    with temporary_folder_beside(out) as content:
+    with temporary_folder_for(out) as content:
         for capture in captures:
             (content / capture).mkdir()
             (content / capture / "report.json").write_text(json.dumps({"object": "glass", "text": text}))

@@ -2,13 +2,15 @@
 
 import base64
 import re
+import shlex
 
 import numpy as np
 import pytest
 
+from glint.storage.locations.location import Location
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.figures.capture_page import MAX_PAGE_CHARS, picture_page
+from glint.tasks.figures.capture_page import MAX_PAGE_CHARS, file_lines, picture_page
 from glint.tasks.figures.markdown import plain
 from tests.pictures import decode_picture
 
@@ -36,6 +38,11 @@ def test_a_page_shows_pictures_stages_and_warnings() -> None:
     assert "| depth | up to date |  |" in page
     assert "| all | 13.54 | |" in page
     assert page.index("## Warnings") < page.index("| stage |")
+
+
+def test_the_command_of_a_page_can_be_pasted_into_a_shell() -> None:
+    lines = file_lines(Location("file", "", "/data/my store; it's"), "duck", {})
+    assert shlex.split(lines[-1])[-2:] == ["--store", "/data/my store; it's"]
 
 
 def test_no_warnings_no_heading() -> None:

@@ -1,14 +1,14 @@
 // "Grow from here": a click adds to the mask what is connected with a pixel and looks alike, on the picture that is shown.
 
-import { askPicture } from "../api.js";
-import { announce, element } from "../dom.js";
+import { askPicture, newest } from "../api.js";
+import { announceError, element } from "../dom.js";
 
 const TOLERANCE = 32;
 const REST_MS = 250;
 
 export class Growth {
   constructor(view, mask) {
-    Object.assign(this, { view, mask, last: null });
+    Object.assign(this, { view, mask, last: null, begin: newest() });
     this.tolerance = element("input", { type: "range", min: "0", max: "120", value: String(TOLERANCE), "aria-label": "Tolerance of growing, in levels of 255", oninput: () => this.adjust() });
     this.output = element("output", {}, String(TOLERANCE));
     this.root = element("label", { class: "line" }, "Tolerance", this.tolerance, this.output);
@@ -33,18 +33,18 @@ export class Growth {
   }
 
   async apply({ x, y, cutsOut, picture, step }) {
-    const order = (this.order = (this.order ?? 0) + 1);
+    const isNewest = this.begin();
     try {
       const query = new URLSearchParams({ x, y, picture, tolerance: this.tolerance.value });
       const grown = await this.mask.decoded(await askPicture(`${this.view.capture.path}/growth?${query}`, this.view.signal));
-      if (order !== this.order) return;
+      if (!isNewest()) return;
       const { history } = this.view;
       if (step && history.done.at(-1) === step) history.undo();
       const before = history.done.length;
       this.mask.combine((index) => grown[4 * index] > 0, cutsOut);
       this.last = { x, y, cutsOut, picture, step: history.done.length > before ? history.done.at(-1) : null };
     } catch (error) {
-      if (error.name !== "AbortError") announce(error.message, "error");
+      announceError(error);
     }
   }
 }

@@ -1,5 +1,6 @@
 // The mask: painted by brush, eraser and polygon over the estimate.
 
+import { askPicture } from "../api.js";
 import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { Growth } from "./grow.js";
@@ -7,6 +8,8 @@ import { PixelMask, union } from "./pixel_mask.js";
 import { Polygon } from "./polygon.js";
 
 const CURSOR_STEP_PX = 4;
+const READING = "The mask is being read: paint when it is shown.";
+const UNREAD = "The mask could not be read: open this view again.";
 
 export class MaskLayer {
   constructor(view) {
@@ -31,14 +34,20 @@ export class MaskLayer {
     this.reset();
   }
 
+  /** Takes the mask that is in use, which would replace what was painted before it has come. */
   async reset() {
-    const answer = await fetch(`${this.view.capture.path}/mask`, { signal: this.view.signal }).catch(() => null);
-    if (!answer?.ok) {
-      if (answer) announce("the mask cannot be read", "error");
+    this.obstacle = READING;
+    try {
+      const data = await this.decoded(await askPicture(`${this.view.capture.path}/mask`, this.view.signal));
+      this.mask.take((index) => data[4 * index] > 0);
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      announce(`The mask cannot be read: ${error.message}`, "error");
+      // A mask may be painted in place of a file that cannot be read, not of an answer that was lost.
+      this.obstacle = error.status ? "" : UNREAD;
       return;
     }
-    const data = await this.decoded(await answer.blob());
-    this.mask.take((index) => data[4 * index] > 0);
+    this.obstacle = "";
     this.isChanged = false;
     this.redraw(this.mask.whole);
     this.showState();
@@ -72,7 +81,7 @@ export class MaskLayer {
       if (event.button !== 0) return;
       const point = this.view.picture.pointer(event);
       if (this.polygon.isChosen) this.polygon.add(point);
-      if (!this.paints) return;
+      if (!this.paints || !this.mayPaint()) return;
       container.setPointerCapture(event.pointerId);
       this.begin();
       this.last = point;
@@ -94,6 +103,12 @@ export class MaskLayer {
 
   get paints() {
     return this.view.tool === "brush" || this.view.tool === "eraser";
+  }
+
+  /** Whether the mask is there; says so where it is not. */
+  mayPaint() {
+    if (this.obstacle) announce(this.obstacle, "error");
+    return !this.obstacle;
   }
 
   /** Begins a step, which changes pixels in a box alone. */
@@ -160,6 +175,7 @@ export class MaskLayer {
 
   paintAtCursor() {
     if (!this.paints) return this.polygon.addAtCursor();
+    if (!this.mayPaint()) return true;
     this.begin();
     this.last = this.cursor.position();
     this.stroke(this.last);
@@ -167,13 +183,15 @@ export class MaskLayer {
     return true;
   }
 
-  /** Adds the pixels that `isIn` names, or cuts them out, as one step. */
+  /** Adds the pixels that `isIn` names, or cuts them out, as one step; returns whether it may. */
   combine(isIn, cutsOut) {
+    if (!this.mayPaint()) return false;
     this.begin();
     this.mask.fill(isIn, cutsOut ? 0 : 1);
     this.box = this.mask.whole;
     this.redraw(this.box);
     this.end();
+    return true;
   }
 
   redraw(box) {

@@ -3,6 +3,8 @@
 //
 // The centre of the top-left pixel is (0, 0), so the picture itself begins at (-0.5, -0.5).
 
+import { askPicture, newest } from "../api.js";
+import { announceError } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { followFingers } from "./fingers.js";
 
@@ -11,7 +13,7 @@ const CLICK_PX = 4;
 
 export class Picture {
   constructor(container, [width, height], signal) {
-    Object.assign(this, { container, width, height, pans: true, onclick: null, onzoom: [] });
+    Object.assign(this, { container, width, height, pans: true, onclick: null, onzoom: [], signal, begin: newest() });
     this.stage = new Konva.Stage({ container, width: 10, height: 10 });
     this.ground = new Konva.Layer({ listening: false, imageSmoothingEnabled: false });
     this.overlay = new Konva.Layer({ listening: false, imageSmoothingEnabled: false });
@@ -34,19 +36,18 @@ export class Picture {
     return this.stage.scaleX();
   }
 
-  /** Loads a picture and shows it, unless another one was asked for meanwhile. */
+  /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile. */
   async show(address) {
-    this.address = address;
-    const answer = await fetch(address);
-    if (this.address !== address) return;
-    if (!answer.ok) {
-      const { error, remedy } = await answer.json();
-      throw new Error(`${error} → ${remedy}`);
+    const isNewest = this.begin();
+    try {
+      const bitmap = await createImageBitmap(await askPicture(address, this.signal));
+      if (!isNewest()) return bitmap.close();
+      this.image.image()?.close();
+      this.image.image(bitmap);
+      this.container.dataset.shown = address;
+    } catch (error) {
+      if (isNewest()) announceError(error);
     }
-    const bitmap = await createImageBitmap(await answer.blob());
-    if (this.address !== address) return;
-    this.image.image(bitmap);
-    this.container.dataset.shown = address;
   }
 
   resize() {

@@ -1,6 +1,6 @@
 // A pixel that was clicked: the frames in which it was lit, and the candidates for its normal.
 
-import { ask } from "../api.js";
+import { ask, newest } from "../api.js";
 import { element, percent } from "../dom.js";
 import { Konva } from "../vendor.js";
 
@@ -9,6 +9,7 @@ const SHOWN_FRAMES = 24;
 export class PixelPanel {
   constructor(view) {
     this.view = view;
+    this.begin = newest();
     this.content = element("div", {}, element("p", { class: "faint" }, "Click a pixel of the object with the tool Look."));
     this.root = element("section", { "aria-live": "polite" }, element("h2", {}, "Pixel"), this.content);
     this.cross = new Konva.Path({ data: "M-7 0H-2M2 0H7M0 -7V-2M0 2V7", stroke: "#fff", strokeWidth: 1.5, strokeScaleEnabled: false, visible: false, listening: false });
@@ -20,10 +21,12 @@ export class PixelPanel {
     const { width, height } = this.view.picture;
     if (x < 0 || y < 0 || x >= width || y >= height) return;
     this.cross.setAttrs({ x, y, visible: true, scaleX: 1 / this.view.picture.zoom, scaleY: 1 / this.view.picture.zoom });
+    const isNewest = this.begin();
     try {
-      this.show(await ask(`${this.view.capture.path}/pixel?x=${x}&y=${y}`, { signal: this.view.signal }));
+      const pixel = await ask(`${this.view.capture.path}/pixel?x=${x}&y=${y}`, { signal: this.view.signal });
+      if (isNewest()) this.show(pixel);
     } catch (error) {
-      if (error.name === "AbortError") return;
+      if (error.name === "AbortError" || !isNewest()) return;
       this.view.lights.showLit([]);
       this.content.replaceChildren(element("p", { class: "faint" }, `${x}, ${y}: ${error.message}`));
     }

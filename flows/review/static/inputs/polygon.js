@@ -7,7 +7,7 @@ const CLOSE_PX = 10;
 const CURSOR_PX = 6;
 
 export class Polygon {
-  /** `filled` takes the corners and whether they are cut out. */
+  /** `filled` takes the corners and whether they are cut out, and returns whether it has taken them. */
   constructor(view, filled) {
     Object.assign(this, { view, filled, corners: [], isMoved: false });
     const style = { strokeScaleEnabled: false, visible: false, listening: false };
@@ -87,9 +87,8 @@ export class Polygon {
       announce("a polygon needs three corners: move the cursor, and set another one");
       return;
     }
-    const { corners } = this;
+    if (!this.filled(this.corners, cutsOut)) return;
     this.cancel();
-    this.filled(corners, cutsOut);
     announce(cutsOut ? "polygon cut out" : "polygon filled");
   }
 

@@ -42,7 +42,8 @@ export class RegionLayer {
 
   toolChanged(tool) {
     const [width, height] = this.view.inputs.frame_size;
-    if (tool === "region" && !this.region) this.region = { x: 0, y: 0, width, height };
+    // Something to drag; as long as nobody does, it is no change.
+    if (tool === "region" && !this.region) [this.region, this.saved] = [0, 1].map(() => ({ x: 0, y: 0, width, height }));
     for (const handle of this.handles) handle.visible(tool === "region");
     this.draw();
   }

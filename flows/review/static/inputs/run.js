@@ -1,7 +1,7 @@
 // "Run from here": the ordinary run of this capture, with its progress. It goes on without its server, and is found again.
 
 import { ask } from "../api.js";
-import { announce, duration, element, percent } from "../dom.js";
+import { announceError, duration, element, percent } from "../dom.js";
 
 const POLL_MS = 700;
 const RETRY_MS = 2500;
@@ -33,14 +33,18 @@ export class RunPanel {
 
   async start() {
     if (this.button.disabled) return;
+    this.button.disabled = true;
     try {
       this.view.spheres.finish();
-      if (this.view.history.isDirty && !(await this.view.save.save())) return;
-      this.version = (await ask(this.row, { signal: this.view.signal })).version;
-      this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
+      if (!this.view.history.isDirty || (await this.view.save.save())) {
+        this.version = (await ask(this.row, { signal: this.view.signal })).version;
+        this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
+        return;
+      }
     } catch (error) {
-      announce(error.message, "error");
+      announceError(error);
     }
+    this.button.disabled = false;
   }
 
   show(text, kind = "", share = undefined) {
@@ -99,7 +103,7 @@ export class RunPanel {
   }
 
   reload() {
-    if (!this.view.history.isDirty) this.later(() => this.view.reload(), 400);
+    this.later(() => this.view.history.isDirty || this.view.reload(), 400);
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, element } from "../dom.js";
+import { announce, announceError, element, guarded, moment } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -25,7 +25,7 @@ export class SavePanel {
     if (this.shown === edits) return;
     this.shown = edits;
     this.revisions.replaceChildren(...edits.history.slice(0, 8).map((revision) =>
-      element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${new Date(revision.time).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" })}`),
+      element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${moment(revision.time)}`),
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
   }
 
@@ -36,22 +36,29 @@ export class SavePanel {
     if (!this.view.history.isDirty) return true;
     const author = this.author.name;
     if (!author) return false;
-    // What is painted meanwhile would be neither saved nor kept.
-    this.view.lock(true);
-    try {
+    return this.finish("Saved.", async () => {
       const changes = await this.view.changes();
       if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
+    });
+  }
+
+  /** Sends something and shows what is saved then; returns whether it is saved. */
+  async finish(words, send) {
+    // What is painted meanwhile would be neither saved nor kept.
+    this.view.lock(true);
+    let failure = null;
+    try {
+      await send();
       await this.refresh();
-      announce("Saved.");
-      return true;
+      announce(words);
     } catch (error) {
-      if (error.status === 409) await this.showConflict(error.answer.conflicts);
-      else announce(error.message, "error");
-      return false;
+      failure = error;
     } finally {
       this.view.lock(false);
       this.show();
     }
+    if (failure) await this.refused(failure);
+    return !failure;
   }
 
   async refresh() {
@@ -62,23 +69,21 @@ export class SavePanel {
     this.view.history.clear();
   }
 
+  /** Says why something was not saved, and lets a person choose where somebody else has changed the same. */
+  async refused(error) {
+    if (error.status === 409) await guarded(() => this.showConflict(error.answer.conflicts))();
+    else announceError(error);
+  }
+
   async showConflict(conflicts) {
     const newest = await ask(`${this.view.capture.path}/edits`);
     const lines = conflicts.map(({ field, author, time }) => element("li", {}, `${author} changed ${field} at ${new Date(time).toLocaleTimeString("sv-SE")}`));
-    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
-    showConflict(this.conflict, "changed", details, { keep: () => this.save(newest.revision), take: () => this.view.history.mayLose() && this.refresh() });
+    showConflict(this.conflict, "changed", element("ul", {}, lines), { keep: () => this.save(newest.revision), take: guarded(() => this.view.history.mayLose() && this.refresh()) });
   }
 
   async takeBack(revision) {
     const author = this.author.name;
     if (!author || !this.view.history.mayLose()) return;
-    try {
-      await ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } });
-      await this.refresh();
-      announce("Taken back.");
-    } catch (error) {
-      if (error.status === 409) await this.showConflict(error.answer.conflicts);
-      else announce(error.message, "error");
-    }
+    await this.finish("Taken back.", () => ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } }));
   }
 }

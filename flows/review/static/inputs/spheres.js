@@ -1,7 +1,7 @@
 // Chrome spheres: circles with a handle; when one is let go, the server measures the contour near it.
 
 import { ask } from "../api.js";
-import { announce, element } from "../dom.js";
+import { announceError, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const COLOUR = "#7db7ff";
@@ -152,9 +152,8 @@ export class SphereLayer {
       if (this.spheres[number] !== sphere || sphere.x !== x || sphere.y !== y || sphere.radius !== radius) return;
       this.fits.set(number, fit);
     } catch (error) {
-      if (error.name === "AbortError") return;
       this.fits.delete(number);
-      announce(error.message, "error");
+      announceError(error);
     }
     this.draw();
   }
@@ -188,7 +187,8 @@ export class SphereLayer {
   replace(after) {
     this.finish();
     const before = this.spheres;
-    const put = (spheres) => { this.spheres = spheres; this.fits.clear(); this.draw(); };
+    // Copies: what is moved later is moved in place, and must not move what undo brings back.
+    const put = (spheres) => { this.spheres = spheres.map((sphere) => ({ ...sphere })); this.fits.clear(); this.draw(); };
     put(after);
     this.view.history.add({ undo: () => put(before), redo: () => put(after) });
   }

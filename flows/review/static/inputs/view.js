@@ -1,7 +1,7 @@
 // The inputs view: what went into a capture, seen and corrected on its picture.
 
 import { ask } from "../api.js";
-import { announce, element } from "../dom.js";
+import { element } from "../dom.js";
 import { bind } from "../keys.js";
 import { CameraLayer, PoseLayer } from "./camera.js";
 import { History } from "./history.js";
@@ -102,7 +102,7 @@ class InputsView {
 
   showPicture() {
     this.lights.mark(this.timeline.frame);
-    this.picture.show(`${this.capture.path}/${this.timeline.path}`).catch((error) => announce(error.message, "error"));
+    this.picture.show(`${this.capture.path}/${this.timeline.path}`);
   }
 
   use(tool) {

@@ -2,7 +2,7 @@
 
 import { addressOf, ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { addStyleSheets, announce, element } from "../dom.js";
+import { addStyleSheets, announce, announceError, element } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
@@ -22,7 +22,7 @@ export async function open(root, capture, signal) {
 
 class PosesView {
   constructor(root, { object }, known, signal) {
-    Object.assign(this, { object, signal, path: objectPath(object), capture: { path: objectPath(object), row: capturePath(object, known.views[0].capture) }, spheres: { finish() {} } });
+    Object.assign(this, { root, object, signal, path: objectPath(object), capture: { path: objectPath(object), row: capturePath(object, known.views[0].capture) }, spheres: { finish() {} } });
     this.history = new History(() => this.show());
     this.views = [];
     this.take(known);
@@ -51,7 +51,7 @@ class PosesView {
       ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
       ["Ctrl+s", "save", () => this.saveAll()],
       ["g", "run all views from here", () => this.run.start()],
-    ], signal);
+    ].map(([key, text, action]) => [key, text, () => this.root.inert || action()]), signal);
     this.history.guard(signal);
     this.show();
   }
@@ -122,7 +122,9 @@ class PosesView {
   async saveAll() {
     const author = this.author.name;
     if (!author) return false;
-    const conflicts = [];
+    const conflicts = [], focused = document.activeElement;
+    // What is turned meanwhile would be neither saved nor kept.
+    this.root.inert = true;
     try {
       for (const { capture, pose } of this.views.filter(({ isChanged }) => isChanged)) {
         await ask(`${capturePath(this.object, capture)}/edits`, { method: "POST", body: { changes: { pose }, author, base_revision: this.revision } })
@@ -130,12 +132,15 @@ class PosesView {
       }
       this.take(await ask(`${this.path}/poses`, { signal: this.signal }));
       this.history.clear();
-      this.showConflicts(conflicts);
       if (!conflicts.length) announce("Saved.");
     } catch (error) {
-      announce(error.message, "error");
+      announceError(error);
       return false;
+    } finally {
+      this.root.inert = false;
+      focused?.focus({ preventScroll: true });
     }
+    this.showConflicts(conflicts);
     return !conflicts.length;
   }
 
@@ -148,8 +153,7 @@ class PosesView {
       this.change(conflicts.map(({ capture, pose }) => [this.views.findIndex((view) => view.capture === capture), pose]));
       this.saveAll();
     };
-    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
-    showConflict(this.conflict, "changed", details, { keep, take: () => this.conflict.replaceChildren() });
+    showConflict(this.conflict, "changed", element("ul", {}, lines), { keep, take: () => this.conflict.replaceChildren() });
   }
 }
 

@@ -31,7 +31,9 @@ export class Draft {
       this.picture.src = `${this.path}/normals?revision=${made.revision}`;
       this.picture.hidden = false;
     } catch (error) {
-      if (error.name !== "AbortError") this.state.textContent = error.message;
+      if (error.name === "AbortError" || this.shown !== revision) return;
+      this.shown = null;
+      this.state.textContent = error.message;
     }
   }
 }

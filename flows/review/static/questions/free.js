@@ -1,7 +1,7 @@
 // Marks set freely: a click or a line on a frame, or on a picture of all frames, means the highlight that lies there.
 
-import { ask } from "../api.js";
-import { announce, element } from "../dom.js";
+import { ask, newest } from "../api.js";
+import { element } from "../dom.js";
 import { Picture } from "../inputs/picture.js";
 import { Timeline } from "../timeline.js";
 import { Konva } from "../vendor.js";
@@ -9,12 +9,13 @@ import { KIND_COLOURS, TINT } from "./loop.js";
 
 const DRAWN_PX = 5;
 const MAX_POINTS = 200;
+const LOOKING = "Looking for the highlight …";
 const HINT = "Click a highlight, or draw a line over several. Shift+drag moves the picture, the wheel zooms.";
 
 export class FreeMarks {
   /** view: {capture, signal, marks, loop, say, mark}. */
   constructor(view, inputs) {
-    Object.assign(this, { view, path: `${view.capture.path}/questions`, choices: [], chosen: 0, line: [] });
+    Object.assign(this, { view, path: `${view.capture.path}/questions`, choices: [], chosen: 0, line: [], begin: newest() });
     this.stage = element("div", { class: "stage", role: "group", tabindex: "0", "aria-label": "Picture to mark highlights on" });
     this.timeline = new Timeline(inputs.frames, () => this.showPicture());
     this.root = element("div", { class: "free-stage" }, this.stage, this.timeline.root);
@@ -33,7 +34,7 @@ export class FreeMarks {
 
   showPicture() {
     this.forget();
-    this.picture.show(`${this.view.capture.path}/${this.timeline.path}`).catch((error) => announce(error.message, "error"));
+    this.picture.show(`${this.view.capture.path}/${this.timeline.path}`);
   }
 
   /** What is being marked: one of the choices, or null. */
@@ -41,10 +42,12 @@ export class FreeMarks {
     return this.choices[this.chosen] ?? null;
   }
 
-  forget() {
+  /** Chooses nothing, whatever is still being asked about; says so, or `text`. */
+  forget(text = HINT, isRefused = false) {
+    this.begin();
     this.choices = [];
     this.tint.image(undefined);
-    this.view.showChoice(null, HINT);
+    this.view.showChoice(null, text, isRefused);
     this.draw();
   }
 
@@ -79,19 +82,18 @@ export class FreeMarks {
     const pixels = dense.filter((_, i) => i % step === 0).map(({ x, y }) => [Math.round(x), Math.round(y)])
       .filter(([x, y]) => x >= 0 && y >= 0 && x < width && y < height);
     if (!pixels.length) return;
+    this.forget(LOOKING);
+    const isNewest = this.begin();
     this.clicked = { x: pixels[0][0], y: pixels[0][1] };
     this.cursor.position(this.clicked);
     try {
       const { choices, revision } = await ask(`${this.path}/highlights`, { method: "POST", body: { frame: this.timeline.frame, points: pixels }, signal: this.view.signal });
       if (revision !== this.view.marks.revision) await this.view.marks.follow();
+      if (!isNewest()) return;
       Object.assign(this, { choices, chosen: 0 });
       await this.showChoice();
     } catch (error) {
-      if (error.name === "AbortError") return;
-      this.choices = [];
-      this.tint.image(undefined);
-      this.view.showChoice(null, error.message, true);
-      this.draw();
+      if (error.name !== "AbortError" && isNewest()) this.forget(error.message, true);
     }
   }
 

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { showConflict } from "../author.js";
-import { announce, element } from "../dom.js";
+import { announce, announceError, element } from "../dom.js";
 
 const same = (first, second) => ["frame", "x", "y"].every((name) => first[name] === second[name]);
 
@@ -44,7 +44,7 @@ export class Marks {
       this.onchange();
       await this.follow();
     } catch (error) {
-      if (error.name !== "AbortError") announce(error.message, "error");
+      announceError(error);
     }
   }
 
@@ -59,20 +59,21 @@ export class Marks {
 
   /** Takes back what was saved last on this page, if need be out of what others have added since. */
   async undo() {
-    const last = this.steps.at(-1);
+    const last = this.steps.at(-1), earlier = this.steps.slice(0, -1);
     const author = this.view.name;
     if (!last || !author) return false;
     try {
       const { revision } = await ask(`${this.path}/edits/undo`, { method: "POST", body: { revision: last.revision, author } });
-      this.steps.pop();
+      this.steps = earlier;
       this.take({ marks: last.before, revision: revision?.number ?? this.revision });
     } catch (error) {
       if (error.status !== 409) throw error;
       await this.refresh();
       const without = (all) => all.filter((mark) => !last.own.some((own) => same(own, mark) && own.kind === mark.kind));
-      this.steps.pop();
+      this.steps = earlier;
       if (!(await this.save(without, []))) return false;
-      this.steps.pop();
+      // What was saved is no step of its own: it cannot be undone in its turn.
+      this.steps = earlier;
     }
     return true;
   }
@@ -116,7 +117,7 @@ export class Marks {
       if (isSaved) announce(`${other} has saved marks meanwhile: theirs and yours are both kept.`);
       return isSaved;
     }
-    const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`);
+    const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}.`);
     showConflict(this.conflict, "marked", details, { keep: () => this.overrule(change, own), take: () => this.conflict.replaceChildren() });
     return false;
   }

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author } from "../author.js";
-import { addStyleSheets, announce, element } from "../dom.js";
+import { addStyleSheets, announceError, element } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
 import { Draft } from "./draft.js";
@@ -130,6 +130,7 @@ class QuestionsView {
 
   /** Shows what is asked about now: its loop, and what can be answered. */
   async showAsked(question, text, refused = {}) {
+    this.asked = question;
     const [isTrue, isFalse, skip, undo] = this.buttons;
     for (const button of [isTrue, isFalse, skip]) button.disabled = !question;
     for (const [button, kind] of [[isTrue, "true"], [isFalse, "false"]]) button.title = refused[kind] ? `Refused: ${refused[kind]}` : "";
@@ -141,7 +142,7 @@ class QuestionsView {
     try {
       await this.loop.show(question, this.path, this.signal);
     } catch (error) {
-      if (error.name !== "AbortError") announce(error.message, "error");
+      announceError(error);
     }
   }
 
@@ -169,7 +170,7 @@ class QuestionsView {
       if (marks) await this.save(async () => (await this.marks.add(marks)) && this.free.forget());
       return;
     }
-    const { question } = this;
+    const question = this.asked;
     if (!question || !this.name) return;
     await this.save(async () => {
       const { frame, x, y } = question;
@@ -180,7 +181,7 @@ class QuestionsView {
   }
 
   skip() {
-    if (!this.question || this.isBusy) return;
+    if (!this.asked || this.isBusy) return;
     this.index += 1;
     this.showQuestion();
   }
@@ -202,7 +203,7 @@ class QuestionsView {
       this.marksChanged();
       await this.marks.follow();
     } catch (error) {
-      if (error.name !== "AbortError") announce(error.message, "error");
+      announceError(error);
     }
   }
 

@@ -51,6 +51,7 @@ export class MeshView {
 
   /** Show a mesh: positions, normals, triangles, confidence and the views' codes, as meshArrays returns them. */
   setMesh({ positions, normals, triangles, confidence, source }) {
+    release(this.group);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("normal", new BufferAttribute(normals, 3));
@@ -59,7 +60,6 @@ export class MeshView {
     Object.assign(this, { geometry, triangles, confidence, source });
     const { center, radius } = geometry.boundingSphere;
     this.radius = radius || 1;
-    this.group.clear();
     this.mesh = new Mesh(geometry, this.material);
     this.mesh.position.copy(center).negate();
     this.group.add(this.mesh);
@@ -96,6 +96,7 @@ export class MeshView {
 
   /** Show the cameras of the views (`toward`, `up`); none for a mesh of one view. */
   setCameras(views) {
+    release(this.cameras);
     this.scene.remove(this.cameras);
     this.cameras = cameraShapes(views);
     this.scene.add(this.cameras);
@@ -155,7 +156,7 @@ export class MeshView {
 
   clearMarks() {
     this.points = [];
-    this.marks.clear();
+    release(this.marks);
     this.onmeasure(null);
     this.ask();
   }
@@ -214,7 +215,7 @@ export class MeshView {
   dispose() {
     this.isAsked = true;
     this.controls.dispose();
-    this.geometry?.dispose();
+    for (const group of [this.group, this.marks, this.cameras]) release(group);
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -227,6 +228,12 @@ export class MeshView {
       if (this.canvas.clientWidth) this.renderer.render(this.scene, this.camera);
     });
   }
+}
+
+/** Empty a group, and give back the graphics memory of all in it. */
+function release(group) {
+  group.traverse(({ geometry }) => geometry?.dispose());
+  group.clear();
 }
 
 function paletteColour(name, code) {

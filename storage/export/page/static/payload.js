@@ -29,7 +29,10 @@ export class ServedParts {
 
   async bytes(name) {
     const answer = await fetch(`${this.address}/${encodeURIComponent(name)}`, this.options);
-    if (!answer.ok) throw new Error(`${name} could not be read (${answer.status})`);
+    if (!answer.ok) {
+      const { error, remedy } = await answer.json().catch(() => ({ error: `status ${answer.status}` }));
+      throw new Error(`${name} could not be read: ${[error, remedy].filter(Boolean).join(" → ")}`);
+    }
     return new Uint8Array(await answer.arrayBuffer());
   }
 }
@@ -91,7 +94,12 @@ export class Capture {
   }
 
   array(name) {
-    if (!this.read.has(name)) this.read.set(name, this.bytes(name).then((bytes) => unpack(bytes, this.facts.parts[name])));
+    if (!this.read.has(name)) {
+      const made = this.bytes(name).then((bytes) => unpack(bytes, this.facts.parts[name]));
+      // What could not be read is asked for again.
+      made.catch(() => this.read.delete(name));
+      this.read.set(name, made);
+    }
     return this.read.get(name);
   }
 

@@ -12,6 +12,8 @@ import { Viewport } from "./viewport.js";
 const MATERIALS = [
   ["matte", "Matte"], ["glossy", "Glossy"], ["glass", "Glass"], ["relief", "Relief"], ["normals", "Normals"], ["curvature", "Curvature"],
 ];
+/** Photographs that are kept decoded: one is as large as the surface, and a sweep has hundreds. */
+const KEPT_PICTURES = 8;
 /** Exponent of a photograph's levels that shows its shadows. */
 const BRIGHT_GAMMA = 0.45;
 const percent = (value) => `${Math.round(100 * value)} %`;
@@ -66,7 +68,7 @@ export class SurfaceView {
     if (number !== this.drawn) return;
     const isResized = this.capture?.width !== capture.width || this.capture?.height !== capture.height;
     this.capture = capture;
-    this.pictures.clear();
+    this.forgetPictures();
     this.relight.setNormals(normals, mask, capture.width, capture.height);
     if (isResized) this.viewport.setSize(capture.width, capture.height);
     this.dial.setDots(capture.facts.lights ?? []);
@@ -75,7 +77,11 @@ export class SurfaceView {
     this.offerFields(capture.facts.fields ?? []);
     this.offerPhotographs(capture.facts.photographs ?? []);
     this.profileBox.hidden = !capture.has("depth");
-    if (capture.has("depth")) this.profile.setCapture(await capture.depth(), capture.facts, mask);
+    if (capture.has("depth")) {
+      const depth = await capture.depth();
+      if (number !== this.drawn) return;
+      this.profile.setCapture(depth, capture.facts, mask);
+    } else this.setProfile(false);
     await this.setLens(chosen);
     this.lightMoved(this.dial.light);
   }
@@ -90,11 +96,16 @@ export class SurfaceView {
   async setField(part) {
     const capture = this.capture, { width, height } = capture;
     this.caption("Loading these normals …");
-    const normals = part ? unitVectors(await capture.array(`${part}_normals`)) : await capture.normals();
-    const mask = await capture.array(part ? `${part}_mask` : "mask");
-    if (this.capture !== capture || this.field.value !== part) return;
-    this.relight.setNormals(normals, mask, width, height);
-    this.caption(part ? `Normals: ${this.field.selectedOptions[0].textContent}` : "");
+    const isWanted = () => this.capture === capture && this.field.value === part;
+    try {
+      const normals = part ? unitVectors(await capture.array(`${part}_normals`)) : await capture.normals();
+      const mask = await capture.array(part ? `${part}_mask` : "mask");
+      if (!isWanted()) return;
+      this.relight.setNormals(normals, mask, width, height);
+      this.caption(part ? `Normals: ${this.field.selectedOptions[0].textContent}` : "");
+    } catch (error) {
+      if (isWanted()) this.caption(error.message);
+    }
   }
 
   setMaterial(name) {
@@ -157,8 +168,33 @@ export class SurfaceView {
     this.caption(`Photograph: ${words}`);
     if (!part || part === this.shown) return;
     this.shown = part;
-    if (!this.pictures.has(part)) this.pictures.set(part, await capture.picture(part));
-    if (this.shown === part && this.capture === capture) this.relight.setPhotograph(this.pictures.get(part));
+    const isWanted = () => this.shown === part && this.capture === capture;
+    try {
+      const picture = this.pictures.get(part) ?? (await capture.picture(part));
+      if (!isWanted()) return picture.close();
+      this.keepPicture(part, picture);
+      this.relight.setPhotograph(picture);
+    } catch (error) {
+      if (!isWanted()) return;
+      this.shown = null;
+      this.caption(error.message);
+    }
+  }
+
+  /** Keep a picture as the newest of KEPT_PICTURES. */
+  keepPicture(part, picture) {
+    this.pictures.delete(part);
+    this.pictures.set(part, picture);
+    if (this.pictures.size <= KEPT_PICTURES) return;
+    const [[oldest, dropped]] = this.pictures;
+    this.pictures.delete(oldest);
+    dropped.close();
+  }
+
+  forgetPictures() {
+    for (const picture of this.pictures.values()) picture.close();
+    this.pictures.clear();
+    this.shown = null;
   }
 
   caption(text = "") {
@@ -167,7 +203,15 @@ export class SurfaceView {
     this.stage.caption.textContent = [text, reduced].filter(Boolean).join(". ");
   }
 
-  setProfile(isOn) {
+  /** Give the graphics memory back. */
+  dispose() {
+    this.forgetPictures();
+    this.relight.dispose();
+  }
+
+  setProfile(isWanted) {
+    // A key may ask for it before the depth is there, or where there is none.
+    const isOn = isWanted && Boolean(this.profile.ends && this.capture.has("depth"));
     this.isProfiled.checked = isOn;
     this.profile.show(isOn);
     this.stage.element.classList.toggle("is-measuring", isOn);

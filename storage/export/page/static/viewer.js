@@ -55,7 +55,7 @@ export class Viewer {
 
   /** Give the graphics memory back; the viewer shows nothing afterwards. */
   dispose() {
-    this.surface?.relight.dispose();
+    this.surface?.dispose();
     this.meshes?.view.dispose();
   }
 }
