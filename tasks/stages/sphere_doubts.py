@@ -26,6 +26,7 @@ from glint.tasks.algorithms.sphere_checks.given_circle import (
     hand_reach,
     judged,
 )
+from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
 from glint.tasks.engine.stage_warning import StageWarning
 
 CORRECTION_DEVIATIONS = 2.3
@@ -139,7 +140,7 @@ def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
 def confirm_found(
     frames: np.ndarray, spheres: Sequence[Sphere], camera: np.ndarray | None
 ) -> tuple[list[Sphere], list[StageWarning]]:
-    """Compare found spheres with the shapes of their highlights, and with one another; return those to be used.
+    """Compare found spheres with their rims and highlights, and with one another; return those to be used.
 
     Also returned are a warning where the highlights contradict a circle, and one of each sphere that is left out since
     its lights contradict the others'. Of two, the one stays that agrees better with its own highlights.
@@ -150,7 +151,8 @@ def confirm_found(
         camera: perspective camera's matrix (3, 3).
     """
     many = spread(frames, FIT_FRAMES)
-    checked = [check_circle(many, sphere, camera=camera) for sphere in spheres]
+    measured = [with_mirrored_rim(many, sphere, camera) for sphere in spheres]
+    checked = [check_circle(many, sphere, camera=camera) for sphere in measured]
     checked.sort(key=attrgetter("misfit"))
     used, sentences = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
     warnings = [_contradiction(check) for check in checked if check.is_contradicted and check.sphere in used]

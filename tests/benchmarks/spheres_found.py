@@ -1,14 +1,14 @@
-"""Found circles of chrome spheres against the shapes of their highlights: which are contradicted, and by what replaced.
+"""Found circles of chrome spheres, by their rims and against the shapes of their highlights: which are replaced.
 
     python -m tests.benchmarks.spheres_found [--simulate 140-199] [CATALOGUE ..] [--scenes FOLDER]
         [--tables DIR --numbers FIRST-LAST]
 
 Simulated captures are numbered; the number sets shape, size, sphere, frames and seed. The catalogues state the true
 circles; FOLDER holds scene-*/video.mp4 and truth.json (balls), DIR the scenes of `tests.benchmarks.table_scenes`. A
-line per sphere: error of the found circle and its stated standard deviation (centre and radius, percent of the radius);
-the highlights' centre, how far it is from the truth and from the circle, in percent and in standard deviations; and,
-where the circle changes, what is used. Then how many circles are off by more than 4%, how many of these without a word,
-and how many right ones are doubted.
+line per sphere: error and stated standard deviation (centre and radius, percent of the radius) of the circle that was
+found, where its rim replaces it, and of the one that is compared with the highlights; their centre, how far it is from
+the truth and from the circle, in percent and in standard deviations; and, where the circle changes, what is used. Then
+how many circles are off by more than 4%, how many of these without a word, and how many right ones are doubted.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import SYSTEMATIC_RATIO, CheckedCircle, check_circle
+from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.first_pass import Sample
@@ -73,19 +74,23 @@ def simulated(number: int) -> Iterator[tuple[str, Sample, Sphere]]:
 def compare(name: str, frames: np.ndarray, peak: np.ndarray, truth: Sphere) -> Outcome | None:
     """Find the sphere nearest to the true one, check its circle and print a line; None: there is none."""
     try:
-        nearest = min(find_spheres(frames, peak), key=truth.distance)
+        clearest = min(find_spheres(frames, peak), key=truth.distance)
     except UnusableCapture as error:
         print(f"{name}: refused: {error}"[:150], flush=True)
         return None
-    if nearest.distance(truth) > 0.6 * truth.radius:
+    if clearest.distance(truth) > 0.6 * truth.radius:
         print(f"{name}: not found", flush=True)
         return None
-    check = check_circle(spread(frames, FIT_FRAMES), nearest)
+    many = spread(frames, FIT_FRAMES)
+    nearest = with_mirrored_rim(many, clearest)
+    if nearest is not clearest:
+        print(f"{name}, radius {truth.radius:.0f}: found {_offset(clearest, truth)}, by its rim:", flush=True)
+    check = check_circle(many, nearest)
     print(f"{name}, radius {truth.radius:.0f}: {_line(check, truth)}", flush=True)
     return Outcome(
-        _error(nearest, truth),
+        _error(clearest, truth),
         _error(check.sphere, truth),
-        _is_doubted(nearest),
+        _is_doubted(clearest),
         _is_doubted(check.sphere) or check.is_contradicted,
     )
 

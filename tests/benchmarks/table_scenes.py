@@ -77,8 +77,8 @@ def main() -> None:
     arguments = parser.parse_args()
     for scene in table_scenes(arguments.numbers, arguments.folder):
         options = asdict(scene_options(int(scene.name.split()[1])))
-        told = ("table_tilt", "table_contrast", "sphere_radius", "light_radius", "light_distance", "crf")
-        print(f"{scene.name}: {json.dumps({name: options[name] for name in told})}", flush=True)
+        names = ("table_tilt", "table_contrast", "sphere_radius", "light_radius", "light_distance", "crf")
+        print(f"{scene.name}: {json.dumps({name: options[name] for name in names})}", flush=True)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene
 
 GRID_SIZE = 320
 """Photons along a side of the square around the disc."""
-CELL_PX = 1.5
+MAP_CELL_PX = 1.5
 """Edge of the cells in which the table gathers photons."""
 BLUR_CELLS = 1.5
 """Standard deviation of the blur of what the cells gather, which hides the grid of the photons."""
@@ -25,7 +25,7 @@ MAP_REACH = 3.0
 """Distance from the solids, in radii of the ball around them, up to which the table gathers photons."""
 MIN_PHOTON_WEIGHT = 0.03
 """Share of a photon's light below which a path of it is abandoned."""
-MIN_FACING = 0.05
+MIN_SHADOW_COSINE = 0.05
 """Least cosine between the light and the table's normal at which shadows are thrown: flatter ones leave the frame."""
 
 
@@ -73,7 +73,7 @@ class TableLight:
         below = np.array([right, up])
         low = np.maximum(places.min(axis=1), below - MAP_REACH * radius)
         high = np.minimum(places.max(axis=1), below + MAP_REACH * radius)
-        columns, rows = np.maximum(np.ceil((high - low) / CELL_PX), 1).astype(int)
+        columns, rows = np.maximum(np.ceil((high - low) / MAP_CELL_PX), 1).astype(int)
         disc, jitter = _photon_grid(light_radius)
         return cls(
             scene, table, shape, places, paths.pixel[on_table], (paths.weight * reflectance)[on_table], low,
@@ -87,7 +87,7 @@ class TableLight:
         frame; distance: of the light from the frame's centre in pixels, None: infinite.
         """
         direction = np.asarray(light, np.float64)
-        if direction @ self.table.normal < MIN_FACING:
+        if direction @ self.table.normal < MIN_SHADOW_COSINE:
             return np.zeros(self.shape, np.float32)
         starts, to_light, flux = self._photons(direction, distance)
         missing, *arriving = self.scene.follow(starts, -to_light, 1.0, np.zeros(len(starts)), MIN_PHOTON_WEIGHT)
@@ -96,8 +96,8 @@ class TableLight:
         total = self._gathered(starts[met], -to_light[met], -flux[met])
         for photon, origins, directions, weight, _ in arriving:
             total += self._gathered(origins, directions, flux[photon] * weight)
-        irradiance = gaussian_filter(total / CELL_PX**2, BLUR_CELLS, mode="constant")
-        cell = (self.places - self.low[:, None]) / CELL_PX - 0.5
+        irradiance = gaussian_filter(total / MAP_CELL_PX**2, BLUR_CELLS, mode="constant")
+        cell = (self.places - self.low[:, None]) / MAP_CELL_PX - 0.5
         illumination = map_coordinates(irradiance, cell, order=1, mode="constant")
         count = self.shape[0] * self.shape[1]
         return np.bincount(self.pixels, self.weights * illumination, count).reshape(self.shape).astype(np.float32)
@@ -119,7 +119,7 @@ class TableLight:
     def _gathered(self, origins: np.ndarray, directions: np.ndarray, flux: np.ndarray) -> np.ndarray:
         """Return the flux (columns, rows) that paths, origins and directions (N, 3), bring to the table's cells."""
         places, on_table = table_places(self.table, origins, directions)
-        column, row = np.floor((places - self.low[:, None]) / CELL_PX).astype(np.int64)
+        column, row = np.floor((places - self.low[:, None]) / MAP_CELL_PX).astype(np.int64)
         inside = on_table & (column >= 0) & (column < self.cells[0]) & (row >= 0) & (row < self.cells[1])
         cell = column[inside] * self.cells[1] + row[inside]
         return np.bincount(cell, flux[inside], self.cells[0] * self.cells[1]).reshape(self.cells)

@@ -12,13 +12,13 @@ SAMPLES = 3
 """Points per pixel along either side."""
 LAMP_DEG = 3.0
 """Angular radius of the light."""
-REFLECTANCE = 0.75
 
 
 @dataclass(frozen=True)
 class Scene:
     """spheres: on a table; tilt_deg: of the view from the table's normal; texture: the table's relative contrast;
-    check: side in pixels of a checkerboard on it, 0: none; blur: standard deviation in pixels."""
+    check: side in pixels of a checkerboard on it, 0: none; blur: standard deviation in pixels; reflectance: of the
+    chrome."""
 
     spheres: list[Sphere] = field(default_factory=list)
     tilt_deg: float = 10.0
@@ -27,6 +27,7 @@ class Scene:
     texture: float = 0.15
     check: int = 0
     blur: float = 0.7
+    reflectance: float = 0.75
     seed: int = 0
 
 
@@ -77,7 +78,7 @@ def render(scene: Scene) -> np.ndarray:
             offset = centre - hits
             along = offset @ light
             lit[(along > 0) & ((offset**2).sum(axis=1) - along**2 < sphere.radius**2)] = 0.0
-        level = np.where(sees_table, table * (30.0 + 110.0 * lit), 25.0) * np.where(on_sphere, REFLECTANCE, 1.0)
+        level = np.where(sees_table, table * (30.0 + 110.0 * lit), 25.0) * np.where(on_sphere, scene.reflectance, 1.0)
         level[on_sphere & (mirrored @ light > np.cos(np.radians(LAMP_DEG)))] = 900.0
         picture = level.reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
         picture = cv2.GaussianBlur(np.minimum(picture, 600.0), (0, 0), scene.blur) + generator.normal(0, 1, scene.shape)

@@ -1,0 +1,167 @@
+"""The contour of a chrome sphere by its rim, the mirror image of the table beside it.
+
+Inside its contour a sphere shows, strongly compressed, what lies outside it. Where the rim is as bright as the table,
+the contour has no edge of its own, while the compressed image has many, so that the clearest circle lies a few percent
+inside. There the circle is taken whose inside is the mirror image of its outside (`rim_evidence`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence
+from glint.tasks.algorithms.lighting.contour import ContourFit, fine_fit, radius_profile
+from glint.tasks.algorithms.lighting.contour_refinement import ARCS, JACKKNIFE_FACTOR
+from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
+from glint.tasks.algorithms.lighting.sphere_detection import spread
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.sphere_checks.rim_evidence import (
+    CENTRE_REACH_RATIO,
+    RADIUS_REACH_RATIO,
+    RIM_RAYS,
+    RIM_SHIFT_PX,
+    TABLE_RATIO,
+    RimModel,
+    RimSamples,
+    circle_score,
+)
+
+RIM_FRAMES, MODEL_FRAMES = 48, 12
+"""Frames by which the rim is fitted, and those among them by which its model is chosen."""
+RIM_RADIUS_PX = 40.0
+"""Radius to which the image of a larger sphere is reduced, up to twice as much."""
+TABLE_TILTS_DEG, BLURS_PX, LEVEL_STEPS = (0.0, 20.0, 40.0, 55.0), (0.6, 1.2, 2.0), (-0.03, -0.1, -0.2, -0.35)
+"""Angles of the table's normal, blurs and steps of the models, of whose combinations the best is taken."""
+LEAST_STEP = LEVEL_STEPS[0]
+"""Step up to which a contour has no edge of its own."""
+STEP_RATIO = 0.015
+"""Coarsest step of the circles that are searched, in radii."""
+RIM_SYSTEMATIC_RATIOS = 0.006, 0.006, 0.01
+"""Standard deviations of x, y and radius, in radii, of what misleads all rays alike: the radius is 1% too large of a
+sphere that does not lie on the table."""
+CLEAR_SCORE = 0.45
+"""Score of a found sphere from which its contour is clear by itself."""
+RIM_ROUNDS, SETTLED_RATIO = 4, 0.03
+"""Most fits, each about the circle of the one before, and the distance, in radii, within which they have settled."""
+MIN_GAIN, MAX_DEVIATION_RATIO = 0.005, 0.012
+"""Gain of a fit over the circle it began with, and its largest standard deviation in radii, from which it is used
+(`python -m tests.benchmarks.spheres_found`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RimFit:
+    """Contour by its rim.
+
+    sphere: with its deviations. model: of the rim. gain: in the score of the circle over that it began with. is_inside:
+    whether the circle lies within the reach of the search, rather than at its end.
+    """
+
+    sphere: Sphere
+    model: RimModel
+    gain: float
+    is_inside: bool
+
+    @property
+    def is_decisive(self) -> bool:
+        """Whether the rim shows clearly that the contour lies elsewhere."""
+        deviation = max(self.sphere.centre_sd, self.sphere.radius_sd)
+        return self.gain > MIN_GAIN and deviation < MAX_DEVIATION_RATIO * self.sphere.radius
+
+
+def with_mirrored_rim(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> Sphere:
+    """Return a found sphere by its mirrored rim where its contour is not clear and the rim decides, else as it is.
+
+    Args:
+        frames: (T, H, W) in levels of 8 bits, under different lights.
+        sphere: in the frames' pixels.
+        camera: perspective camera's matrix (3, 3); its spheres are left as they are.
+    """
+    if camera is not None or sphere.score >= CLEAR_SCORE:
+        return sphere
+    start = sphere
+    for _ in range(RIM_ROUNDS):
+        fit = fit_mirrored_rim(frames, start)
+        distance = max(fit.sphere.distance(start), abs(fit.sphere.radius - start.radius))
+        has_settled = distance < SETTLED_RATIO * start.radius
+        if fit.model.step != LEAST_STEP or (start is sphere and has_settled and not fit.is_decisive):
+            return sphere
+        if has_settled:
+            return fit.sphere if fit.is_inside else sphere
+        # What is clearer than the contour lies inside it: a circle still farther inside is none.
+        if fit.gain < MIN_GAIN or fit.sphere.radius < (1.0 - SETTLED_RATIO) * start.radius:
+            return sphere
+        start = fit.sphere
+    return sphere
+
+
+def fit_mirrored_rim(frames: np.ndarray, sphere: Sphere) -> RimFit:
+    """Fit the contour of a sphere, near a circle, by what its rim mirrors.
+
+    frames, sphere: see `with_mirrored_rim`.
+    """
+    reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / RIM_RADIUS_PX))))
+    margin = (TABLE_RATIO + CENTRE_REACH_RATIO) * sphere.radius
+    top, left = (max(int(position - margin) // reduction * reduction, 0) for position in (sphere.y, sphere.x))
+    rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
+    crops = log_frames([reduced_image(frame[rows, columns], reduction) for frame in spread(frames, RIM_FRAMES)])
+    # Pixel centres of a reduced image lie `shift` full pixels inside.
+    shift = 0.5 * (reduction - 1)
+    x, y, radius = (
+        (sphere.x - left - shift) / reduction,
+        (sphere.y - top - shift) / reduction,
+        sphere.radius / reduction,
+    )
+    samples = RimSamples.take(crops, x, y, radius)
+    model = max(_models(), key=lambda model: _coarse_fit(samples.evidence(model, MODEL_FRAMES), radius)[3])
+    # The mirror image is computed for a sphere about the samples' centre, which the first fit finds.
+    right, down, _, _ = _coarse_fit(samples.evidence(model), radius)
+    evidence = RimSamples.take(crops, x + right, y + down, radius).evidence(model)
+    fit = _fit(evidence, radius)
+    gain = circle_score(evidence, fit.x, fit.y, fit.radius) - circle_score(evidence, x, y, radius - RIM_SHIFT_PX)
+    centre_sd, radius_sd = _deviations(evidence, radius)
+    fitted = replace(
+        sphere,
+        x=fit.x * reduction + left + shift,
+        y=fit.y * reduction + top + shift,
+        radius=(fit.radius + RIM_SHIFT_PX) * reduction,
+        centre_sd=centre_sd * reduction,
+        radius_sd=radius_sd * reduction,
+    )
+    is_inside = abs(fit.radius - radius) < (RADIUS_REACH_RATIO - STEP_RATIO) * radius
+    return RimFit(fitted, model, gain, is_inside)
+
+
+def _models() -> Iterator[RimModel]:
+    """Yield the models that are tried."""
+    for tilt, blur, step in product(TABLE_TILTS_DEG, BLURS_PX, LEVEL_STEPS):
+        yield RimModel(float(np.radians(tilt)), blur, step)
+
+
+def _coarse_fit(evidence: EdgeEvidence, radius: float) -> tuple[float, float, float, float]:
+    """Return the best circle near one about the evidence's centre: right, down, radius and its score."""
+    radii = radius * np.arange(1.0 - RADIUS_REACH_RATIO, 1.001 + RADIUS_REACH_RATIO, 0.5 * STEP_RATIO)
+    profile = radius_profile(evidence, CENTRE_REACH_RATIO * radius, radii, STEP_RATIO * radius)
+    best = int(profile[:, 2].argmax())
+    right, down, score = (float(value) for value in profile[best])
+    return right, down, float(radii[best]), score
+
+
+def _fit(evidence: EdgeEvidence, radius: float) -> ContourFit:
+    """Return the fit of the best circle near one about the evidence's centre."""
+    right, down, best, _ = _coarse_fit(evidence, radius)
+    return fine_fit(evidence, right, down, best)
+
+
+def _deviations(evidence: EdgeEvidence, radius: float) -> tuple[float, float]:
+    """Return the standard deviations of centre and radius, by leaving out the rays of one arc after the other."""
+    arc = np.arange(RIM_RAYS) * ARCS // RIM_RAYS
+    circles = []
+    for left_out in range(ARCS):
+        kept = arc != left_out
+        fit = _fit(replace(evidence, evidence=evidence.evidence[kept], angles=evidence.angles[kept]), radius)
+        circles.append([fit.x, fit.y, fit.radius])
+    variance = JACKKNIFE_FACTOR**2 * (ARCS - 1) * np.var(circles, axis=0)
+    variance += np.square(np.array(RIM_SYSTEMATIC_RATIOS) * radius)
+    return float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))
