@@ -20,13 +20,16 @@ from glint.tasks.algorithms.sphere_checks.circle_check import (
     radius_lacking,
 )
 from glint.tasks.algorithms.sphere_checks.given_circle import (
+    HAND_REACH_RATIO,
     UNKNOWN_DEVIATION_RATIO,
     ConfirmedSphere,
+    beside,
     confirm_sphere,
     hand_reach,
+    is_elsewhere,
     judged,
 )
-from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
+from glint.tasks.algorithms.sphere_checks.mirrored_rim import MIN_GAIN, settled_rim, with_mirrored_rim
 from glint.tasks.engine.stage_warning import StageWarning
 
 CORRECTION_DEVIATIONS = 2.3
@@ -59,6 +62,13 @@ def confirm_given(
 def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tuple[Sphere, StageWarning | None]:
     """Measure a given sphere; return the one to be used, and a warning where the frames contradict what was given."""
     confirmed = confirm_sphere(frames, given, camera=camera)
+    rim = settled_rim(frames, replace(given, score=confirmed.fit.score), camera, HAND_REACH_RATIO)
+    if rim is not None:
+        check = check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS)
+        if not check.is_contradicted and not is_elsewhere(given, rim.sphere):
+            return beside(given, rim.sphere), None
+        if not check.is_contradicted and rim.gain > MIN_GAIN:
+            return rim.sphere, _correction(given, rim.sphere, rim.sphere)
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
     deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS

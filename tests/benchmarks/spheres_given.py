@@ -5,8 +5,8 @@
 Captures are numbered as those of `tests.benchmarks.spheres_found`, or are the scenes of `tests.benchmarks.table_scenes`
 in DIR. Each circle is given as it is, beside its place (seeded directions), and too small or too large. A line per way
 of giving and rule: how many used circles are off by more than 4% and 8% of the radius, and the mean error in radii. The
-rules: as it is; highlights contradict a fit only from three standard deviations; and the clearer circle is used,
-however far from the given one it lies.
+rules: as it is; highlights contradict a fit only from three standard deviations; the clearer circle is used, however
+far from the given one it lies; and no rim decides.
 """
 
 import argparse
@@ -33,6 +33,7 @@ RULES = {
     "as it is": (),
     "from three deviations": ((sphere_doubts, "CORRECTION_DEVIATIONS", 3.0),),
     "by contrast alone": ((given_circle, "LEAST_WEIGHT", 1.0),),
+    "by edges alone": ((sphere_doubts, "HAND_REACH_RATIO", -1.0),),
 }
 """What of the program is changed under each rule."""
 

@@ -81,8 +81,7 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
     given_contrast = contrast / fit.score
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
     limit = MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO
-    is_elsewhere = distance > least_correction(given.radius, fit.centre_sd) or is_radius_corrected(given.radius, fit)
-    if is_elsewhere and given_contrast < limit * _hand_weight(given, fit):
+    if is_elsewhere(given, fit) and given_contrast < limit * _hand_weight(given, fit):
         # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
         rival = max(given_contrast, 0.0) ** RIVAL_DOUBT_POWER
         doubt = max((MIN_CLEAR_CONTRAST / fit.score) ** 2, rival)
@@ -92,13 +91,29 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
         )
         used = replace(fit, centre_sd=deviations[0], radius_sd=deviations[1])
         return ConfirmedSphere(used, fit, is_clear=True, is_corrected=True, given_contrast=given_contrast)
-    own = UNKNOWN_DEVIATION_RATIO * given.radius
-    centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
-    sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
-    is_disputed = is_elsewhere and given_contrast < limit
+    is_disputed = is_elsewhere(given, fit) and given_contrast < limit
     return ConfirmedSphere(
-        sphere, fit, is_clear=True, is_corrected=False, is_disputed=is_disputed, given_contrast=given_contrast
+        beside(given, fit),
+        fit,
+        is_clear=True,
+        is_corrected=False,
+        is_disputed=is_disputed,
+        given_contrast=given_contrast,
     )
+
+
+def beside(given: Sphere, fit: Sphere) -> Sphere:
+    """Return a given circle that stands beside a measured one, with its standard deviations by the two."""
+    own = UNKNOWN_DEVIATION_RATIO * given.radius
+    centre_sd = _given_deviation(own, fit.centre_sd, given.distance(fit) / np.sqrt(2.0))
+    radius_sd = _given_deviation(own, fit.radius_sd, abs(given.radius - fit.radius))
+    return replace(given, centre_sd=centre_sd, radius_sd=radius_sd)
+
+
+def is_elsewhere(given: Sphere, measured: Sphere) -> bool:
+    """Return whether a measured circle differs from a given one by more than it is uncertain."""
+    distance = given.distance(measured)
+    return distance > least_correction(given.radius, measured.centre_sd) or is_radius_corrected(given.radius, measured)
 
 
 def hand_reach(radius: float) -> float:

@@ -41,21 +41,21 @@ STEP_RATIO = 0.015
 RIM_SYSTEMATIC_RATIOS = 0.006, 0.006, 0.01
 """Standard deviations of x, y and radius, in radii, of what misleads all rays alike: the radius is 1% too large of a
 sphere that does not lie on the table."""
-CLEAR_SCORE = 0.45
-"""Score of a found sphere from which its contour is clear by itself."""
+CLEAR_SCORE, MIN_RIM_RADIUS_PX = 0.45, 10.0
+"""Score of a sphere from which its contour is clear by itself, and the radius of the smallest whose rim has pixels."""
 RIM_ROUNDS, SETTLED_RATIO = 4, 0.03
 """Most fits, each about the circle of the one before, and the distance, in radii, within which they have settled."""
 MIN_GAIN, MAX_DEVIATION_RATIO = 0.005, 0.012
-"""Gain of a fit over the circle it began with, and its largest standard deviation in radii, from which it is used
-(`python -m tests.benchmarks.spheres_found`)."""
+"""Gain from which a fit counts as better than the circle it began with, and the largest standard deviation, in radii,
+of one that is used (`python -m tests.benchmarks.spheres_found`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class RimFit:
     """Contour by its rim.
 
-    sphere: with its deviations. model: of the rim. gain: in the score of the circle over that it began with. is_inside:
-    whether the circle lies within the reach of the search, rather than at its end.
+    sphere: with its deviations. model: of the rim. gain: in the score over the circle that the fit began with.
+    is_inside: whether it lies within the reach of the search, rather than at its end.
     """
 
     sphere: Sphere
@@ -63,43 +63,49 @@ class RimFit:
     gain: float
     is_inside: bool
 
-    @property
-    def is_decisive(self) -> bool:
-        """Whether the rim shows clearly that the contour lies elsewhere."""
-        deviation = max(self.sphere.centre_sd, self.sphere.radius_sd)
-        return self.gain > MIN_GAIN and deviation < MAX_DEVIATION_RATIO * self.sphere.radius
-
 
 def with_mirrored_rim(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> Sphere:
-    """Return a found sphere by its mirrored rim where its contour is not clear and the rim decides, else as it is.
+    """Return a found sphere by its rim where that decides, else as it is; see `settled_rim`."""
+    fit = settled_rim(frames, sphere, camera)
+    return fit.sphere if fit is not None and fit.gain > MIN_GAIN else sphere
+
+
+def settled_rim(
+    frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None, shrinkage: float = SETTLED_RATIO
+) -> RimFit | None:
+    """Fit a sphere's contour by its rim, each fit about the one before; None where the rim does not decide.
+
+    It decides where the contour is not clear and has no edge of its own, and the rim shows well where it is.
 
     Args:
         frames: (T, H, W) in levels of 8 bits, under different lights.
-        sphere: in the frames' pixels.
-        camera: perspective camera's matrix (3, 3); its spheres are left as they are.
+        sphere: in the frames' pixels; its score is that of its contour.
+        camera: perspective camera's matrix (3, 3), before which no rim decides.
+        shrinkage: most by which the contour may lie inside the circle, in radii: what is clearer than the contour lies
+            inside it, so that one far inside a clear circle is none.
     """
-    if camera is not None or sphere.score >= CLEAR_SCORE:
-        return sphere
-    start = sphere
+    if camera is not None or sphere.score >= CLEAR_SCORE or sphere.radius < MIN_RIM_RADIUS_PX:
+        return None
+    start, gain = sphere, 0.0
     for _ in range(RIM_ROUNDS):
         fit = fit_mirrored_rim(frames, start)
-        distance = max(fit.sphere.distance(start), abs(fit.sphere.radius - start.radius))
-        has_settled = distance < SETTLED_RATIO * start.radius
-        if fit.model.step != LEAST_STEP or (start is sphere and has_settled and not fit.is_decisive):
-            return sphere
-        if has_settled:
-            return fit.sphere if fit.is_inside else sphere
-        # What is clearer than the contour lies inside it: a circle still farther inside is none.
-        if fit.gain < MIN_GAIN or fit.sphere.radius < (1.0 - SETTLED_RATIO) * start.radius:
-            return sphere
+        if fit.model.step != LEAST_STEP or fit.sphere.radius < (1.0 - shrinkage) * sphere.radius:
+            return None
+        gain += fit.gain
+        if max(fit.sphere.distance(start), abs(fit.sphere.radius - start.radius)) < SETTLED_RATIO * start.radius:
+            deviation = max(fit.sphere.centre_sd, fit.sphere.radius_sd)
+            is_known = fit.is_inside and deviation < MAX_DEVIATION_RATIO * fit.sphere.radius
+            return replace(fit, gain=gain) if is_known else None
+        if fit.gain < MIN_GAIN:
+            return None
         start = fit.sphere
-    return sphere
+    return None
 
 
 def fit_mirrored_rim(frames: np.ndarray, sphere: Sphere) -> RimFit:
     """Fit the contour of a sphere, near a circle, by what its rim mirrors.
 
-    frames, sphere: see `with_mirrored_rim`.
+    frames, sphere: see `settled_rim`.
     """
     reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / RIM_RADIUS_PX))))
     margin = (TABLE_RATIO + CENTRE_REACH_RATIO) * sphere.radius

@@ -13,6 +13,7 @@ from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, cir
 from glint.tasks.algorithms.sphere_checks.given_circle import ConfirmedSphere
 from glint.tasks.stages import sphere_doubts as doubts_module
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, spheres_error, sweep_error
+from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
 HALF_VECTORS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]], np.float32)
@@ -110,3 +111,20 @@ def test_what_a_radius_lacks_of_the_largest_one_is_doubt() -> None:
     shapes = ShapeCircle(50.0, 50.0, 0.3, 40.0, 0.02)
     assert radius_lacking(Sphere(50.0, 50.0, 36.0), shapes) == 0.0
     assert radius_lacking(Sphere(50.0, 50.0, 30.0), shapes) == pytest.approx(7.6)
+
+
+@pytest.mark.parametrize(("right", "radius_ratio"), [(0.0, 1.0), (1.5, 0.95), (-1.5, 1.04)])
+def test_where_the_contour_is_hidden_the_rim_tells_a_right_circle_from_a_wrong_one(
+    right: float, radius_ratio: float
+) -> None:
+    truth = Sphere(150.3, 110.7, 36.0)
+    frames = render(Scene([truth], tilt_deg=40.0, reflectance=0.95, texture=0.05, frames=48))
+    given = replace(truth, x=truth.x + right, radius=radius_ratio * truth.radius)
+    (used,), warnings = confirm_given(frames, [given], None)
+    assert_near(used, truth, 0.015)
+    assert max(used.centre_sd, used.radius_sd) < 0.02 * truth.radius
+    if given == truth:
+        assert (used.x, used.radius) == (truth.x, truth.radius)
+        assert warnings == []
+    else:
+        assert "which is used: correct `spheres`" in str(warnings[0])

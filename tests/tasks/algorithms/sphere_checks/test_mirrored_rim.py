@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
+from glint.tasks.algorithms.sphere_checks.mirrored_rim import settled_rim, with_mirrored_rim
 from glint.tasks.algorithms.sphere_checks.rim_evidence import mirrored_radius
 from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render
 
@@ -53,6 +53,14 @@ def test_a_circle_beside_a_hidden_contour_is_corrected(hidden: np.ndarray, facto
     assert result.score == beside.score
 
 
+def test_a_given_circle_may_lie_outside_the_contour(hidden: np.ndarray) -> None:
+    outside = replace(TRUTH, x=TRUTH.x - 1.0, radius=1.055 * TRUTH.radius)
+    assert with_mirrored_rim(hidden, outside) is outside
+    fit = settled_rim(hidden, outside, shrinkage=0.07)
+    assert fit is not None
+    assert_near(fit.sphere, TRUTH, 0.015)
+
+
 @pytest.mark.parametrize("factor", [0.7, 0.77, 0.86])
 def test_a_circle_far_inside_is_not_replaced_by_one_still_farther_inside(hidden: np.ndarray, factor: float) -> None:
     inside = replace(TRUTH, radius=factor * TRUTH.radius)
@@ -74,7 +82,9 @@ def test_clear_circles_and_perspective_ones_are_left_as_they_are(hidden: np.ndar
     assert with_mirrored_rim(hidden, beside, camera) is beside
 
 
-@pytest.mark.parametrize("sphere", [TRUTH, Sphere(3.0, 4.0, 25.0, score=0.2), Sphere(150.0, 110.0, 140.0, score=0.2)])
+@pytest.mark.parametrize(
+    "sphere", [TRUTH, *(Sphere(3.0, 4.0, radius, score=0.2) for radius in (1e-6, 8.0, 10.0, 25.0, 140.0))]
+)
 def test_frames_that_show_nothing_change_nothing(sphere: Sphere) -> None:
     for frames in (np.zeros((12, 220, 300), np.uint8), np.full((1, 220, 300), 255, np.uint8)):
         assert with_mirrored_rim(frames, sphere) is sphere
