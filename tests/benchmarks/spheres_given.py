@@ -33,7 +33,7 @@ RULES = {
     "as it is": (),
     "from three deviations": ((sphere_doubts, "CORRECTION_DEVIATIONS", 3.0),),
     "by contrast alone": ((given_circle, "LEAST_WEIGHT", 1.0),),
-    "by edges alone": ((sphere_doubts, "HAND_REACH_RATIO", -1.0),),
+    "by edges alone": ((sphere_doubts, "settled_rim", lambda *_: None),),
 }
 """What of the program is changed under each rule."""
 
