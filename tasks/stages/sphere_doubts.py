@@ -29,12 +29,15 @@ from glint.tasks.algorithms.sphere_checks.given_circle import (
     is_elsewhere,
     judged,
 )
-from glint.tasks.algorithms.sphere_checks.mirrored_rim import MIN_GAIN, settled_rim, with_mirrored_rim
+from glint.tasks.algorithms.sphere_checks.mirrored_rim import settled_rim, with_mirrored_rim
 from glint.tasks.engine.stage_warning import StageWarning
 
 CORRECTION_DEVIATIONS = 2.3
 """Standard deviations from which highlights contradict a fit that would replace a given circle, which stands against it
 (`python -m tests.benchmarks.spheres_given`)."""
+RIM_CORRECTION_RATIO = 0.03
+"""Difference from a given circle, in radii, from which that of its rim replaces it: of spheres above the table these
+are up to 2% too large."""
 MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_OWN_CONTRAST, HAND_DEVIATION_RATIO = 0.5, 0.06
@@ -63,12 +66,11 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
     """Measure a given sphere; return the one to be used, and a warning where the frames contradict what was given."""
     confirmed = confirm_sphere(frames, given, camera=camera)
     rim = settled_rim(frames, replace(given, score=confirmed.fit.score), camera, HAND_REACH_RATIO)
-    if rim is not None:
-        check = check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS)
-        if not check.is_contradicted and not is_elsewhere(given, rim.sphere):
-            return beside(given, rim.sphere), None
-        if not check.is_contradicted and rim.gain > MIN_GAIN:
+    if rim is not None and not check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS).is_contradicted:
+        difference = max(given.distance(rim.sphere), abs(given.radius - rim.sphere.radius))
+        if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
             return rim.sphere, _correction(given, rim.sphere, rim.sphere)
+        return beside(given, rim.sphere), None
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
     deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS

@@ -45,6 +45,8 @@ CLEAR_SCORE, MIN_RIM_RADIUS_PX = 0.45, 10.0
 """Score of a sphere from which its contour is clear by itself, and the radius of the smallest whose rim has pixels."""
 RIM_ROUNDS, SETTLED_RATIO = 4, 0.03
 """Most fits, each about the circle of the one before, and the distance, in radii, within which they have settled."""
+OUTER_RATIOS = 1.15, 1.3, 1.45
+"""Radii of the circles around a found one that are tried, in its radii."""
 MIN_GAIN, MAX_DEVIATION_RATIO = 0.005, 0.012
 """Gain from which a fit counts as better than the circle it began with, and the largest standard deviation, in radii,
 of one that is used (`python -m tests.benchmarks.spheres_found`)."""
@@ -65,9 +67,22 @@ class RimFit:
 
 
 def with_mirrored_rim(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> Sphere:
-    """Return a found sphere by its rim where that decides, else as it is; see `settled_rim`."""
+    """Return a found sphere by its rim where that decides, else as it is.
+
+    If nothing is decided beside the circle, larger ones around it are tried, since it may be the mirror image of the
+    horizon. frames, sphere, camera: see `settled_rim`.
+    """
     fit = settled_rim(frames, sphere, camera)
-    return fit.sphere if fit is not None and fit.gain > MIN_GAIN else sphere
+    if fit is not None:
+        return fit.sphere if fit.gain > MIN_GAIN else sphere
+    for ratio in OUTER_RATIOS:
+        # The table's horizon is seen farther up on the sphere than its centre.
+        outer = replace(sphere, y=sphere.y + (ratio - 1.0) * sphere.radius, radius=ratio * sphere.radius)
+        if _is_whole(outer, frames.shape[1:]):
+            fit = settled_rim(frames, outer, camera, RADIUS_REACH_RATIO)
+            if fit is not None:
+                return fit.sphere
+    return sphere
 
 
 def settled_rim(
@@ -100,6 +115,12 @@ def settled_rim(
             return None
         start = fit.sphere
     return None
+
+
+def _is_whole(sphere: Sphere, shape: tuple[int, ...]) -> bool:
+    """Return whether a circle lies wholly in a frame of shape (H, W)."""
+    reach = sphere.radius
+    return reach <= sphere.x <= shape[1] - 1 - reach and reach <= sphere.y <= shape[0] - 1 - reach
 
 
 def fit_mirrored_rim(frames: np.ndarray, sphere: Sphere) -> RimFit:

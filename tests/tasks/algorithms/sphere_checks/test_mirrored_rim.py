@@ -61,6 +61,13 @@ def test_a_given_circle_may_lie_outside_the_contour(hidden: np.ndarray) -> None:
     assert_near(fit.sphere, TRUTH, 0.015)
 
 
+@pytest.mark.parametrize("factor", [0.76, 0.86])
+def test_the_contour_around_the_mirror_image_of_the_horizon_is_found(hidden: np.ndarray, factor: float) -> None:
+    inside = replace(TRUTH, y=TRUTH.y - (1.0 - factor) * TRUTH.radius, radius=factor * TRUTH.radius)
+    assert settled_rim(hidden, inside) is None
+    assert_near(with_mirrored_rim(hidden, inside), TRUTH, 0.015)
+
+
 @pytest.mark.parametrize("factor", [0.7, 0.77, 0.86])
 def test_a_circle_far_inside_is_not_replaced_by_one_still_farther_inside(hidden: np.ndarray, factor: float) -> None:
     inside = replace(TRUTH, radius=factor * TRUTH.radius)
