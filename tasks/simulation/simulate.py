@@ -20,7 +20,6 @@ from glint.tasks.algorithms.simulation.options import DEFAULT_PRESET, DEGRADED, 
 from glint.tasks.algorithms.simulation.ray_tracing import Scene
 from glint.tasks.algorithms.simulation.renderer import Renderer, camera_response, prepare_renderer
 from glint.tasks.algorithms.simulation.solids import Solid
-from glint.tasks.algorithms.simulation.table_light import TableLight
 from glint.tasks.simulation.scene_layout import (
     FrameLayout,
     camera_distance,
@@ -116,19 +115,19 @@ def _write_view(
     x, y = to_camera(columns.astype(float), rows.astype(float), layout.width, layout.height)
     solids = object_solids(shape, layout, options, placement)
     spheres = sphere_solids(layout)
-    table = _table([*solids, *spheres] if options.table_tilt else solids, options)
     distance = camera_distance(layout, options)
-    if options.shadows and distance is None:
-        table = _table(solids, options)
+    # Along parallel rays a sphere can be moved to the table without another picture of it.
+    is_lowered = options.shadows and distance is None
+    table = _table([*solids, *spheres] if options.table_tilt and not is_lowered else solids, options)
+    if is_lowered:
         spheres = [_stood(solid, table) for solid in spheres]
     scene = Scene([*solids, *spheres])
     # Camera and object are static: the light paths are traced once, and each frame is a weighted sum over them.
     truth = scene.truth(x, y, distance)
     paths = scene.trace(x, y, options.rays, generator, distance)
     room = Environment.random(table, np.random.default_rng(options.seed), options.table_contrast)
-    shape_px, light_radius = (layout.height, layout.width), np.radians(options.light_radius)
-    table_light = TableLight.prepare(scene, paths, room, shape_px, light_radius) if options.shadows else None
-    renderer = prepare_renderer(paths, room, shape_px, light_radius, table_light)
+    size, light_radius = (layout.height, layout.width), np.radians(options.light_radius)
+    renderer = prepare_renderer(paths, room, size, light_radius, scene if options.shadows else None)
     lights = light_path(frames, generator, options.missing_quarter)
     if options.table_tilt or options.shadows:
         lights[lights @ table.normal <= 0.0] = np.nan

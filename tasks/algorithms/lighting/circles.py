@@ -48,6 +48,10 @@ class EdgeEvidence:
         """Return the mean evidence (I, J, K) of circles with centres (x + offsets[i], y + offsets[j]), radii[k]."""
         return _circle_scores(self.evidence, self.start, self.spacing, self.angles, offsets, radii)
 
+    def of_rays(self, used: np.ndarray) -> "EdgeEvidence":
+        """Return the evidence of some of the rays (A,) bool."""
+        return replace(self, evidence=self.evidence[used], angles=self.angles[used])
+
     def moved(self, right: float, down: float, outward: float = 0.0) -> "EdgeEvidence":
         """Return the evidence moved so that a contour offset by (right, down), its radius larger by `outward`, lies on
         a circle around (x, y), its radius as it was."""

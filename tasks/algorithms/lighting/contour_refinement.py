@@ -83,8 +83,8 @@ class _ContourEvidence:
 
     def of_rays(self, used: np.ndarray) -> "_ContourEvidence":
         """Return the evidence of some of the rays (A,) bool."""
-        variation = None if self.variation is None else _of_rays(self.variation, used)
-        return replace(self, levels=_of_rays(self.levels, used), variation=variation)
+        variation = None if self.variation is None else self.variation.of_rays(used)
+        return replace(self, levels=self.levels.of_rays(used), variation=variation)
 
 
 def refine_contour(frames: Sequence[np.ndarray], fit: ContourFit) -> ContourFit:
@@ -105,7 +105,12 @@ def refine_contour(frames: Sequence[np.ndarray], fit: ContourFit) -> ContourFit:
     ]
     circle = _median_circle([fit, *(part.fit() for part in evidence[1:])])
     x, y, radius = (float(value) for value in circle)
-    return replace(fit, x=x, y=y, radius=radius, covariance=_covariance(evidence, circle))
+
+    def circle_of(used: np.ndarray) -> np.ndarray:
+        return _median_circle([part.of_rays(used).fit() for part in evidence])
+
+    covariance = arc_covariance(circle_of, RAYS, np.array(SYSTEMATIC_RATIOS) * radius)
+    return replace(fit, x=x, y=y, radius=radius, covariance=covariance)
 
 
 def _median_circle(fits: Sequence[ContourFit]) -> np.ndarray:
@@ -114,17 +119,21 @@ def _median_circle(fits: Sequence[ContourFit]) -> np.ndarray:
     return np.append(np.median(circles[:, :2], axis=0), np.median(circles[:-2, 2]))
 
 
-def _covariance(evidence: Sequence[_ContourEvidence], circle: np.ndarray) -> np.ndarray:
-    """Return the covariance (3, 3) of the median circle (3,), by leaving out the rays of one arc after the other.
+def arc_covariance(circle_of: Callable[[np.ndarray], np.ndarray], rays: int, systematic: np.ndarray) -> np.ndarray:
+    """Estimate the covariance (3, 3) of a circle's x, y and radius, without one arc of its rays after the other.
 
-    What misleads the fits, a shadow or an edge inside the contour, does so over an arc, so that arcs are independent,
-    but not rays: the jackknife over groups of rays (Quenouille 1956).
+    What misleads a fit, a shadow or an edge inside the contour, does so over an arc, so that arcs are independent, but
+    not rays: the jackknife over groups of rays (Quenouille 1956).
+
+    Args:
+        circle_of: the circle (3,) by some of the rays (A,) bool.
+        rays: their number.
+        systematic: (3,) standard deviations, in pixels, of what misleads all rays alike.
     """
-    arc = np.arange(RAYS) * ARCS // RAYS
-    circles = np.array([_median_circle([part.of_rays(arc != left).fit() for part in evidence]) for left in range(ARCS)])
+    arc = np.arange(rays) * ARCS // rays
+    circles = np.array([circle_of(arc != left) for left in range(ARCS)])
     offsets = circles - circles.mean(axis=0)
-    floor = np.diag(np.square(np.array(SYSTEMATIC_RATIOS) * circle[2]))
-    return np.asarray(JACKKNIFE_FACTOR**2 * (ARCS - 1) / ARCS * offsets.T @ offsets + floor)
+    return np.asarray(JACKKNIFE_FACTOR**2 * (ARCS - 1) / ARCS * offsets.T @ offsets + np.diag(np.square(systematic)))
 
 
 def _samples(frames: Sequence[np.ndarray], fit: ContourFit) -> RaySamples:
@@ -173,11 +182,6 @@ def _without_shadows_and_objects(samples: RaySamples, radius: float) -> _Contour
     levels = _mixed(level_evidence(samples, _lit(samples, radius)), decreasing, weight)
     # What an object adds to the variation of the rim is not to be taken for the table's.
     return _ContourEvidence(radius, levels, _mixed(variation_evidence(samples), np.zeros_like(decreasing), weight))
-
-
-def _of_rays(evidence: EdgeEvidence, used: np.ndarray) -> EdgeEvidence:
-    """Return the evidence of some rays (A,) bool."""
-    return replace(evidence, evidence=evidence.evidence[used], angles=evidence.angles[used])
 
 
 def _mixed(evidence: EdgeEvidence, replacement: np.ndarray, weight: np.ndarray) -> EdgeEvidence:

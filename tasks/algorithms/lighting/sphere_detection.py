@@ -178,8 +178,7 @@ def _refined(
         # The best circle may lie beyond the ones that were searched.
         sphere, measured = measured, measure_sphere(frames, measured, camera=camera)
     height, width = maximum.shape
-    reach = 0.99 * measured.radius
-    if not (reach <= measured.x <= width - 1 - reach and reach <= measured.y <= height - 1 - reach):
+    if not measured.is_inside(width, height, 0.99):
         return replace(measured, score=0.0)
     margin = 1.45 * measured.radius
     top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)

@@ -51,6 +51,11 @@ class Sphere:
         """Return the distance of the centres in pixels."""
         return float(np.hypot(self.x - other_sphere.x, self.y - other_sphere.y))
 
+    def is_inside(self, width: int, height: int, share: float = 1.0) -> bool:
+        """Return whether a frame of this size holds the circle, its radius taken as a share of itself."""
+        reach = share * self.radius
+        return reach <= self.x <= width - 1 - reach and reach <= self.y <= height - 1 - reach
+
     def half_vector_sd(self, nz: np.ndarray) -> np.ndarray:
         """Return the standard deviation per axis (...), radians, of the error that the fit leaves in half vectors.
 
@@ -63,6 +68,56 @@ class Sphere:
         centre = (self.centre_sd / self.radius) ** 2 * 0.5 * (1.0 + 1.0 / cosine**2)
         radius = (self.radius_sd / self.radius) ** 2 * 0.5 * (1.0 / cosine**2 - 1.0)
         return np.asarray(np.sqrt(centre + radius))
+
+
+@dataclass(frozen=True, slots=True)
+class SphereCrop:
+    """Reduced frames around a sphere.
+
+    frames: of `log_frames`, (h, w) each. reduction: full-frame pixels per pixel. left, top: first column and row.
+    """
+
+    frames: list[np.ndarray]
+    reduction: int
+    left: int
+    top: int
+
+    @classmethod
+    def around(
+        cls, frames: Sequence[np.ndarray] | np.ndarray, sphere: Sphere, reach_ratio: float, fine_radius: float
+    ) -> "SphereCrop":
+        """Cut frames (T, H, W) out up to a reach in radii from the centre, and halve them while the radius is larger.
+
+        fine_radius: in pixels, that of the reduced sphere is less than twice as large.
+        """
+        reach = reach_ratio * sphere.radius
+        reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / fine_radius))))
+        top, left = (max(int(position - reach) // reduction * reduction, 0) for position in (sphere.y, sphere.x))
+        rows, columns = slice(top, int(sphere.y + reach) + 2), slice(left, int(sphere.x + reach) + 2)
+        crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), reduction) for frame in frames])
+        return cls(crops, reduction, left, top)
+
+    @property
+    def shift(self) -> float:
+        """Distance in full-frame pixels by which pixel centres of the reduced frames lie inside."""
+        return 0.5 * (self.reduction - 1)
+
+    def from_full_frame(self, sphere: Sphere) -> tuple[float, float, float]:
+        """Return a sphere's circle (x, y, radius) in the crop's pixels."""
+        x, y = sphere.x - self.left - self.shift, sphere.y - self.top - self.shift
+        return x / self.reduction, y / self.reduction, sphere.radius / self.reduction
+
+    def to_full_frame(self, fit: ContourFit, score: float) -> Sphere:
+        """Return the sphere of a fit in the crop's pixels."""
+        variance = np.diag(fit.covariance)
+        return Sphere(
+            fit.x * self.reduction + (self.left + self.shift),
+            fit.y * self.reduction + (self.top + self.shift),
+            fit.radius * self.reduction,
+            score,
+            float(np.sqrt(variance[:2].mean())) * self.reduction,
+            float(np.sqrt(variance[2])) * self.reduction,
+        )
 
 
 def measure_sphere(
@@ -114,37 +169,12 @@ def measured_with_start(
         circle, start = measured_with_start(warped, centred, centre_reach, radius_reach, None, refined)
         x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
         return replace(circle, x=x, y=y, radius=radius), start
-    margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
-    reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE_RADIUS_PX))))
-    top, left = (max(int(position - margin) // reduction * reduction, 0) for position in (sphere.y, sphere.x))
-    rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
-    crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), reduction) for frame in frames])
-    # Pixel centres of a reduced image lie `shift` full pixels inside.
-    shift = 0.5 * (reduction - 1)
-    fit = fit_contour(
-        crops,
-        (sphere.x - left - shift) / reduction,
-        (sphere.y - top - shift) / reduction,
-        sphere.radius / reduction,
-        centre_reach=centre_reach,
-        radius_reach=radius_reach,
-    )
+    reach_ratio = 1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach
+    crop = SphereCrop.around(frames, sphere, reach_ratio, FINE_RADIUS_PX)
+    fit = fit_contour(crop.frames, *crop.from_full_frame(sphere), centre_reach=centre_reach, radius_reach=radius_reach)
     if refined:
-        fit = refine_contour(crops, fit)
-    return _sphere_of(fit, reduction, left + shift, top + shift), fit.start_contrast
-
-
-def _sphere_of(fit: ContourFit, reduction: int, left: float, top: float) -> Sphere:
-    """Return the sphere of a fit in an image that was reduced `reduction` times and begins at (left, top)."""
-    variance = np.diag(fit.covariance)
-    return Sphere(
-        fit.x * reduction + left,
-        fit.y * reduction + top,
-        fit.radius * reduction,
-        max(fit.contrast, 0.0),
-        float(np.sqrt(variance[:2].mean())) * reduction,
-        float(np.sqrt(variance[2])) * reduction,
-    )
+        fit = refine_contour(crop.frames, fit)
+    return crop.to_full_frame(fit, max(fit.contrast, 0.0)), fit.start_contrast
 
 
 def crop_around(frames: np.ndarray, sphere: Sphere, margin: float) -> tuple[np.ndarray, int, int]:

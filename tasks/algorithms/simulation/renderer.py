@@ -13,7 +13,7 @@ from numba import njit
 from glint.tasks.algorithms.geometry.vectors import equal_area
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
-from glint.tasks.algorithms.simulation.ray_tracing import Paths
+from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene
 from glint.tasks.algorithms.simulation.table_light import TableLight
 
 LIGHT_RADIANCE = 40.0
@@ -100,16 +100,20 @@ def prepare_renderer(
     environment: Environment,
     shape: tuple[int, int],
     light_radius: float,
-    table_light: TableLight | None = None,
+    scene: Scene | None = None,
 ) -> Renderer:
     """Sort the paths by direction, and sum what does not depend on the light.
 
-    shape: (H, W) of the frame; light_radius: angular, in radians; table_light: see `Renderer`.
+    shape: (H, W) of the frame; light_radius: angular, in radians; scene: of the solids that throw shadows and caustics
+    on the table, None: none does.
     """
     light, reflectance = environment.radiance(paths.origin, paths.direction)
     count = shape[0] * shape[1]
     static = np.bincount(paths.pixel, paths.weight * light, count) + 0.02 * paths.matte.ravel()
     matte = np.bincount(paths.pixel, paths.weight * reflectance, count) + 0.5 * paths.matte.ravel()
+    table_light = None
+    if scene is not None:
+        table_light = TableLight.prepare(scene, paths, environment.table, reflectance, shape, light_radius)
     # Rays that met nothing see no light, nor do those that leave into the room behind the table's plane.
     free = (paths.bounces > 0) & (paths.direction @ environment.table.normal > -0.3)
     size = int(np.ceil(2.0 * np.sqrt(2.0) / np.radians(BIN_SIZE_DEG))) + 2

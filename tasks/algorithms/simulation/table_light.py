@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.stats import qmc
 
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
-from glint.tasks.algorithms.simulation.environment import Environment, table_places
+from glint.tasks.algorithms.simulation.environment import table_places
 from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene
 
 GRID_SIZE = 320
@@ -56,14 +56,19 @@ class TableLight:
 
     @classmethod
     def prepare(
-        cls, scene: Scene, paths: Paths, environment: Environment, shape: tuple[int, int], light_radius: float
+        cls,
+        scene: Scene,
+        paths: Paths,
+        table: TablePlane,
+        reflectance: np.ndarray,
+        shape: tuple[int, int],
+        light_radius: float,
     ) -> "TableLight":
         """Gather the camera's paths that end on the table, and lay out cells and photons.
 
-        shape: (H, W) of the frame; light_radius: angular, in radians.
+        reflectance: (N,) of the table where the paths end on it, 0 elsewhere; shape: (H, W) of the frame; light_radius:
+        angular, in radians.
         """
-        table = environment.table
-        _, reflectance = environment.radiance(paths.origin, paths.direction)
         on_table = reflectance > 0.0
         places, _ = table_places(table, paths.origin[on_table], paths.direction[on_table])
         vertices = np.concatenate([solid.vertices for solid in scene.solids])

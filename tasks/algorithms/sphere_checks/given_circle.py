@@ -81,7 +81,8 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
     given_contrast = contrast / fit.score
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
     limit = MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO
-    if is_elsewhere(given, fit) and given_contrast < limit * _hand_weight(given, fit):
+    is_apart = is_elsewhere(given, fit)
+    if is_apart and given_contrast < limit * _hand_weight(given, fit):
         # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
         rival = max(given_contrast, 0.0) ** RIVAL_DOUBT_POWER
         doubt = max((MIN_CLEAR_CONTRAST / fit.score) ** 2, rival)
@@ -91,7 +92,7 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
         )
         used = replace(fit, centre_sd=deviations[0], radius_sd=deviations[1])
         return ConfirmedSphere(used, fit, is_clear=True, is_corrected=True, given_contrast=given_contrast)
-    is_disputed = is_elsewhere(given, fit) and given_contrast < limit
+    is_disputed = is_apart and given_contrast < limit
     return ConfirmedSphere(
         beside(given, fit),
         fit,

@@ -13,10 +13,9 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.circles import EdgeEvidence
 from glint.tasks.algorithms.lighting.contour import ContourFit, fine_fit, radius_profile
-from glint.tasks.algorithms.lighting.contour_refinement import ARCS, JACKKNIFE_FACTOR
-from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
+from glint.tasks.algorithms.lighting.contour_refinement import arc_covariance
 from glint.tasks.algorithms.lighting.sphere_detection import spread
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, SphereCrop
 from glint.tasks.algorithms.sphere_checks.rim_evidence import (
     CENTRE_REACH_RATIO,
     RADIUS_REACH_RATIO,
@@ -78,7 +77,7 @@ def with_mirrored_rim(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | N
     for ratio in OUTER_RATIOS:
         # The table's horizon is seen farther up on the sphere than its centre.
         outer = replace(sphere, y=sphere.y + (ratio - 1.0) * sphere.radius, radius=ratio * sphere.radius)
-        if _is_whole(outer, frames.shape[1:]):
+        if outer.is_inside(frames.shape[2], frames.shape[1]):
             fit = settled_rim(frames, outer, camera, RADIUS_REACH_RATIO)
             if fit is not None:
                 return fit.sphere
@@ -117,47 +116,29 @@ def settled_rim(
     return None
 
 
-def _is_whole(sphere: Sphere, shape: tuple[int, ...]) -> bool:
-    """Return whether a circle lies wholly in a frame of shape (H, W)."""
-    reach = sphere.radius
-    return reach <= sphere.x <= shape[1] - 1 - reach and reach <= sphere.y <= shape[0] - 1 - reach
-
-
 def fit_mirrored_rim(frames: np.ndarray, sphere: Sphere) -> RimFit:
     """Fit the contour of a sphere, near a circle, by what its rim mirrors.
 
     frames, sphere: see `settled_rim`.
     """
-    reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / RIM_RADIUS_PX))))
-    margin = (TABLE_RATIO + CENTRE_REACH_RATIO) * sphere.radius
-    top, left = (max(int(position - margin) // reduction * reduction, 0) for position in (sphere.y, sphere.x))
-    rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
-    crops = log_frames([reduced_image(frame[rows, columns], reduction) for frame in spread(frames, RIM_FRAMES)])
-    # Pixel centres of a reduced image lie `shift` full pixels inside.
-    shift = 0.5 * (reduction - 1)
-    x, y, radius = (
-        (sphere.x - left - shift) / reduction,
-        (sphere.y - top - shift) / reduction,
-        sphere.radius / reduction,
-    )
-    samples = RimSamples.take(crops, x, y, radius)
+    crop = SphereCrop.around(spread(frames, RIM_FRAMES), sphere, TABLE_RATIO + CENTRE_REACH_RATIO, RIM_RADIUS_PX)
+    x, y, radius = crop.from_full_frame(sphere)
+    samples = RimSamples.take(crop.frames, x, y, radius)
     model = max(_models(), key=lambda model: _coarse_fit(samples.evidence(model, MODEL_FRAMES), radius)[3])
     # The mirror image is computed for a sphere about the samples' centre, which the first fit finds.
     right, down, _, _ = _coarse_fit(samples.evidence(model), radius)
-    evidence = RimSamples.take(crops, x + right, y + down, radius).evidence(model)
+    evidence = RimSamples.take(crop.frames, x + right, y + down, radius).evidence(model)
     fit = _fit(evidence, radius)
     gain = circle_score(evidence, fit.x, fit.y, fit.radius) - circle_score(evidence, x, y, radius - RIM_SHIFT_PX)
-    centre_sd, radius_sd = _deviations(evidence, radius)
-    fitted = replace(
-        sphere,
-        x=fit.x * reduction + left + shift,
-        y=fit.y * reduction + top + shift,
-        radius=(fit.radius + RIM_SHIFT_PX) * reduction,
-        centre_sd=centre_sd * reduction,
-        radius_sd=radius_sd * reduction,
-    )
+
+    def circle_of(used: np.ndarray) -> np.ndarray:
+        part = _fit(evidence.of_rays(used), radius)
+        return np.array([part.x, part.y, part.radius])
+
+    covariance = arc_covariance(circle_of, RIM_RAYS, np.array(RIM_SYSTEMATIC_RATIOS) * radius)
+    shifted = replace(fit, radius=fit.radius + RIM_SHIFT_PX, covariance=covariance)
     is_inside = abs(fit.radius - radius) < (RADIUS_REACH_RATIO - STEP_RATIO) * radius
-    return RimFit(fitted, model, gain, is_inside)
+    return RimFit(crop.to_full_frame(shifted, sphere.score), model, gain, is_inside)
 
 
 def _models() -> Iterator[RimModel]:
@@ -179,16 +160,3 @@ def _fit(evidence: EdgeEvidence, radius: float) -> ContourFit:
     """Return the fit of the best circle near one about the evidence's centre."""
     right, down, best, _ = _coarse_fit(evidence, radius)
     return fine_fit(evidence, right, down, best)
-
-
-def _deviations(evidence: EdgeEvidence, radius: float) -> tuple[float, float]:
-    """Return the standard deviations of centre and radius, by leaving out the rays of one arc after the other."""
-    arc = np.arange(RIM_RAYS) * ARCS // RIM_RAYS
-    circles = []
-    for left_out in range(ARCS):
-        kept = arc != left_out
-        fit = _fit(replace(evidence, evidence=evidence.evidence[kept], angles=evidence.angles[kept]), radius)
-        circles.append([fit.x, fit.y, fit.radius])
-    variance = JACKKNIFE_FACTOR**2 * (ARCS - 1) * np.var(circles, axis=0)
-    variance += np.square(np.array(RIM_SYSTEMATIC_RATIOS) * radius)
-    return float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples, sample_rays
-from glint.tasks.algorithms.lighting.contour import INWARD_SHIFT_PX, level_evidence
+from glint.tasks.algorithms.lighting.contour import INWARD_SHIFT_PX, change_along_rays, level_evidence
 
 RIM_RAYS = 48
 """Rays from the centre."""
@@ -92,11 +92,8 @@ class RimSamples:
         """Sample frames of `log_frames` along rays from (x, y)."""
         reach = (1.0 - WINDOW_RATIO) * radius, TABLE_RATIO * radius
         samples = sample_rays(frames, x, y, *reach, rays=RIM_RAYS, interpolation=cv2.INTER_CUBIC)
-        n = samples.reach
-        change = np.zeros_like(samples.levels)
-        change[:, :, n:-n] = (samples.levels[:, :, 2 * n :] - samples.levels[:, :, : -2 * n]) / (
-            2 * n * samples.spacing
-        )
+        change = np.stack([change_along_rays(levels, samples.reach) for levels in samples.levels])
+        change /= 2 * samples.reach * samples.spacing
         low, high = (ratio * radius for ratio in USUAL_RATIOS)
         table = samples.valid & (samples.radii > low) & (samples.radii < high)
         if table.any():

@@ -12,17 +12,6 @@ import pytest
 from glint.storage.errors import OutputError
 from glint.storage.export.formats import export_as
 from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository
-from tests.storage.stores import local_store, save_capture
-
-
-@pytest.fixture
-def location(tmp_path: Path) -> Location:
-    location = local_store(tmp_path / "store")
-    repository = ObjectRepository.open(location, "duck")
-    save_capture(repository, "front", "k1")
-    repository.publish(["front"], {})
-    return location
 
 
 @pytest.fixture(params=[4, 12, 24, 40])

@@ -5,7 +5,7 @@ import pytest
 
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
-from glint.tasks.algorithms.simulation.ray_tracing import Scene
+from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene
 from glint.tasks.algorithms.simulation.renderer import prepare_renderer
 from glint.tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, sphere
 from glint.tasks.algorithms.simulation.table_light import TableLight
@@ -18,12 +18,18 @@ SLANTING, ZENITH = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)]), np.array([0.0, 0
 Y, X = np.mgrid[HALF : -HALF - 1 : -1, -HALF : HALF + 1].astype(float)
 
 
+def prepared(scene: Scene, paths: Paths, room: Environment) -> TableLight:
+    """Return what the scene's solids do to the light of its table."""
+    _, reflectance = room.radiance(paths.origin, paths.direction)
+    return TableLight.prepare(scene, paths, room.table, reflectance, X.shape, LIGHT_RADIUS)
+
+
 def change_of(material: int, light: np.ndarray, distance: float | None = None) -> np.ndarray:
     """Return the change of the table's light by a sphere above the frame's centre."""
     scene = Scene([sphere(np.zeros(3), RADIUS, material)])
     room = Environment.random(TABLE, np.random.default_rng(0), contrast=0.0)
     paths = scene.trace(X, Y, 1, np.random.default_rng(0))
-    return TableLight.prepare(scene, paths, room, X.shape, LIGHT_RADIUS).change(light, distance)
+    return prepared(scene, paths, room).change(light, distance)
 
 
 @pytest.mark.parametrize("material", [MATTE, CHROME])
@@ -54,7 +60,7 @@ def test_glass_gathers_light_in_its_shadow_and_keeps_nearly_all_of_it() -> None:
     room = Environment.random(focal_plane, np.random.default_rng(0), contrast=0.0)
     # The camera sees the bare table, as though the sphere were not there.
     paths = Scene([sphere(np.array([0.0, 0.0, 1e4]), 0.01, MATTE)]).trace(X, Y, 1, np.random.default_rng(0))
-    table_light = TableLight.prepare(scene, paths, room, X.shape, LIGHT_RADIUS)
+    table_light = prepared(scene, paths, room)
     change = table_light.change(ZENITH, None)
     blocked = np.pi * RADIUS**2 * REFLECTANCE
     # A ball of glass mirrors about a tenth of the light away, part of it to the sides within the frame.
@@ -68,9 +74,9 @@ def test_a_light_below_the_table_changes_nothing_and_a_rendered_shadow_is_dark()
     scene = Scene([sphere(np.zeros(3), RADIUS, CHROME)])
     room = Environment.random(TABLE, np.random.default_rng(0), contrast=0.0)
     paths = scene.trace(X, Y, 1, np.random.default_rng(0))
-    table_light = TableLight.prepare(scene, paths, room, X.shape, LIGHT_RADIUS)
+    table_light = prepared(scene, paths, room)
     assert not table_light.change(-ZENITH, None).any()
-    bare, shaded = (prepare_renderer(paths, room, X.shape, LIGHT_RADIUS, part) for part in (None, table_light))
+    bare, shaded = (prepare_renderer(paths, room, X.shape, LIGHT_RADIUS, part) for part in (None, scene))
     dark, lit = bare.render(np.full(3, np.nan)), bare.render(SLANTING)
     row, column = HALF, HALF - round(HEIGHT)
     assert lit[row, column] > 1.2 * dark[row, column]
