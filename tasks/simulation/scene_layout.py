@@ -7,6 +7,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Camera, Region
 from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.camera_poses import FREE_POSE_SCALE, CameraPose
 from glint.tasks.algorithms.simulation.options import CaptureOptions
 from glint.tasks.algorithms.simulation.shapes import REGION_MARGIN_PX, build_solids
@@ -131,6 +132,12 @@ def sphere_solids(layout: FrameLayout) -> list[Solid]:
         x, y = to_camera(np.array(column), np.array(layout.sphere_row), layout.width, layout.height)
         solids.append(sphere(np.array([float(x), float(y), 0.0]), layout.radius, CHROME))
     return solids
+
+
+def stood(solid: Solid, table: TablePlane, height: float) -> Solid:
+    """Return a solid moved along the line of sight until its lowest point is this many pixels above the table."""
+    gap = float((solid.vertices @ table.normal).min()) - table.offset - height
+    return solid.transformed(np.eye(3), np.array([0.0, 0.0, -gap / table.normal[2]]))
 
 
 def _fitted_solids(shape: str, layout: FrameLayout, distance: float) -> list[Solid]:

@@ -30,6 +30,7 @@ from glint.tasks.simulation.scene_layout import (
     region_centre,
     sphere_contour,
     sphere_solids,
+    stood,
 )
 from glint.tasks.simulation.truth_files import (
     highlight_half_vectors,
@@ -120,7 +121,7 @@ def _write_view(
     is_lowered = options.shadows and distance is None
     table = _table([*solids, *spheres] if options.table_tilt and not is_lowered else solids, options)
     if is_lowered:
-        spheres = [_stood(solid, table) for solid in spheres]
+        spheres = [stood(solid, table, options.sphere_height * layout.radius) for solid in spheres]
     scene = Scene([*solids, *spheres])
     # Camera and object are static: the light paths are traced once, and each frame is a weighted sum over them.
     truth = scene.truth(x, y, distance)
@@ -159,12 +160,6 @@ def _table(solids: Sequence[Solid], options: CaptureOptions) -> TablePlane:
     normal = np.array([0.0, np.sin(tilt), np.cos(tilt)])
     lowest = min(float((solid.vertices @ normal).min()) for solid in solids)
     return TablePlane(normal, lowest if options.table_tilt or options.shadows else lowest - WALL_DISTANCE_PX)
-
-
-def _stood(solid: Solid, table: TablePlane) -> Solid:
-    """Return a solid moved along the line of sight until it stands on the table."""
-    gap = float((solid.vertices @ table.normal).min()) - table.offset
-    return solid.transformed(np.eye(3), np.array([0.0, 0.0, -gap / table.normal[2]]))
 
 
 def _exposures(

@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.table_scenes FIRST-LAST --folder DIR
 
-Shape, table, spheres, light, noise and compression of a scene follow from its number. Scenes are kept in DIR, so that
-`tests.benchmarks.spheres_found` and `spheres_given` read them from it (`--tables`).
+Shape, table, spheres, light, noise and compression of a scene follow from its number; the spheres of scenes from 600 on
+stand above the table. Scenes are kept in DIR, so that `tests.benchmarks.spheres_found` and `spheres_given` read them
+from it (`--tables`).
 """
 
 import argparse
@@ -22,6 +23,8 @@ from tests.benchmarks.spheres_scenes import read_sample
 SHAPES = "elephant", "puppy", "bird", "teddy-bear", "fish", "pitcher", "tumbler", "faceted-bottle"
 FRAMES = 240
 """Frames of a scene: hardly more than the survey's sample takes."""
+FIRST_RAISED, HEIGHTS = 600, (0.3, 1.0, 3.0)
+"""Number of the first scene whose spheres stand above the table, and their heights in radii."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,7 @@ def scene_options(number: int) -> CaptureOptions:
         light_distance=draw.choice([None, None, 3.0, 6.0]),
         crf=draw.randint(16, 28),
         noise=round(draw.uniform(1.0, 3.0), 1),
+        sphere_height=draw.choice(HEIGHTS) if number >= FIRST_RAISED else 0.0,
     )
 
 

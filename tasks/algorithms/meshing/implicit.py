@@ -64,6 +64,15 @@ def capsule(
     return function
 
 
+def torus(radius: float, tube: float) -> ImplicitFunction:
+    """Return a ring about the y axis: a tube of radius `tube` whose centre line has this radius; f is the distance."""
+
+    def function(points: np.ndarray) -> np.ndarray:
+        return np.asarray(np.hypot(np.hypot(points[:, 0], points[:, 2]) - radius, points[:, 1]) - tube)
+
+    return function
+
+
 def polyhedron(faces: list[tuple[float, ...]], rounding: float) -> ImplicitFunction:
     """Return a convex polyhedron of faces (n_x, n_y, n_z, distance), each a unit outward normal and a plane's distance.
 

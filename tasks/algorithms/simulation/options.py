@@ -42,6 +42,7 @@ SHAPES = (
     "hexagonal-prism",
     "cut-cube",
     "gem",
+    "ring",
 )
 """All shapes that can be simulated; those without a preset are other glasses, figurines and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
@@ -96,6 +97,8 @@ class CaptureOptions:
     """Contrast of the table's texture, as a factor; 0 is a plain table."""
     shadows: bool = False
     """If set, object and spheres stand on the table and throw shadows and caustics on it (0.2 seconds a frame)."""
+    sphere_height: float = 0.0
+    """Height in radii at which spheres stand above the table, as on a holder, if there are shadows."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
@@ -127,6 +130,7 @@ class CaptureOptions:
             "focal": self.focal is None or self.focal >= 0.5,
             "table_tilt": 0 <= self.table_tilt <= 80,
             "table_contrast": 0 <= self.table_contrast <= 3,
+            "sphere_height": 0 <= self.sphere_height <= 20,
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
+from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, torus, union
 from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
 from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES, mug, pitcher, tankard
 from glint.tasks.algorithms.simulation.relief import cut_bowl, hobnail_vase, ribbed_bottle
@@ -30,6 +30,7 @@ TILT_DEG = {
     "faceted-bottle": 22.0,
     "hexagonal-prism": 35.0,
     "cut-cube": 35.0,
+    "ring": 52.0,
 }
 """Angle by which the camera looks down on an upright object; 0 where none is given."""
 PROFILE_STEP = 0.5
@@ -209,6 +210,7 @@ _IMPLICIT: dict[str, tuple[Callable[[], ImplicitFunction], Sequence[int], Sequen
     "cut-bowl": (cut_bowl, (-76, -52, -76), (76, 66, 76), 1.2),
     "puppy": (puppy, (-72, -124, -50), (70, 106, 86), 1.6),
     "teddy-bear": (teddy_bear, (-80, -122, -60), (98, 110, 112), 1.6),
+    "ring": (partial(torus, 64.0, 24.0), (-94, -30, -94), (94, 30, 94), 1.6),
     "elephant": (elephant, (-102, -118, -62), (140, 74, 62), 1.6),
 }
 """Makers of single solids, the corners of the box that each is meshed in, and the edge of its cells."""
