@@ -13,6 +13,7 @@ from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.preflight import check_inputs
 from glint.storage.locations.location import LocationError
+from glint.tasks.agreement import agreement_warnings
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
@@ -24,8 +25,7 @@ from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.figures.check_pictures import write_check_pictures, write_failure_picture
 from glint.tasks.pipeline import STAGES, stages_until
-from glint.tasks.scale_agreement import scale_warnings
-from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
+from glint.tasks.sphere_agreement import sphere_offer, surveyed_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import SAMPLED_FRAMES
@@ -128,13 +128,12 @@ def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check
     """
     usable = [context for context, result in checks if not result.error]
     spheres = surveyed_spheres(usable)
-    of_spheres, of_scales = sphere_warnings(spheres), scale_warnings(usable)
+    warnings = agreement_warnings(usable, spheres)
     agreed = list[Check]()
     for context, result in checks:
         offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.error else ""
         offered = replace(result, error=f"{result.error}; {offer}") if offer else result
-        name = context.capture.id
-        agreed.append(_with_warnings(context, offered, [*of_spheres.get(name, []), *of_scales.get(name, [])]))
+        agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
     return agreed
 
 

@@ -24,7 +24,7 @@ ORDER = {
     ),
     "glint.tasks": (
         "check review verdict memory up_to_date publish forked warm_up robustness evaluation simulation"
-        " questions pipeline scale_agreement model sphere_agreement stages figures engine version_diff code_provenance"
+        " questions pipeline agreement model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview questions published labelling facets faces prisms frames masks"

@@ -76,21 +76,18 @@ def compare_captures(
 ) -> tuple[dict[str, list[StageWarning]], dict[str, str]]:
     """Compare spheres and scales of an object's captures on a Dask worker.
 
-    See `sphere_warnings`, `scale_warnings` and `sphere_offer`.
+    See `agreement_warnings` and `sphere_offer`.
 
     failed: ids of the captures without a result; without_sphere: those of them that failed for their sphere.
     Returns, by capture, warnings of what contradicts the others, and what those without a sphere are offered.
     """
-    from glint.tasks.scale_agreement import scale_warnings
-    from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
+    from glint.tasks.agreement import agreement_warnings
+    from glint.tasks.sphere_agreement import sphere_offer, surveyed_spheres
 
     surveyed = [context for context in captures if _is_surveyed(context, failed)]
     spheres = surveyed_spheres(surveyed)
     offers = {item.capture.id: sphere_offer(item, spheres) for item in captures if item.capture.id in without_sphere}
-    warnings = sphere_warnings(spheres)
-    for name, of_scale in scale_warnings(surveyed).items():
-        warnings.setdefault(name, []).extend(of_scale)
-    return warnings, offers
+    return agreement_warnings(surveyed, spheres), offers
 
 
 def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:

@@ -1,5 +1,6 @@
 """Pages and tables that a run puts on the dashboard: a page per capture and model, a table of the catalogue."""
 
+import hashlib
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -60,8 +61,12 @@ def problems_page(failed: Sequence[CaptureResult]) -> str:
 
 
 def artifact_key(name: str) -> str:
-    """Return the key of an artifact: lower-case letters, digits and dashes."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "capture"
+    """Return the key of an artifact: lower-case letters, digits and dashes, different for different captures."""
+    key = re.sub(r"[^a-z0-9-]+", "-", name.lower().replace("/", "--")).strip("-")
+    if re.fullmatch(r"[a-z0-9]+([- /][a-z0-9]+)*", name):
+        return key
+    # Other characters became dashes, too: a digest tells them apart.
+    return f"{key}-{hashlib.sha256(name.encode()).hexdigest()[:8]}".lstrip("-")
 
 
 def _rows(result: ObjectResult) -> list[dict[str, Any]]:

@@ -10,6 +10,8 @@ from glint.storage.errors import InputError
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.errors import MisplacedSphere
 
+MIN_REGION_PX = 8
+"""Least width and height of a region: a narrower one holds no surface that turns."""
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
 MIN_FOCAL_SHARE = 0.25
@@ -82,11 +84,16 @@ def region_text(region: Region) -> str:
 
 
 def check_region(region: Region, size: tuple[int, int]) -> None:
-    """Check that a given region, in pixels, lies inside a frame of `size` (rows, columns).
+    """Check that a given region, in pixels, lies inside a frame of `size` (rows, columns) and can hold an object.
 
     Raises:
-        InputError: it leaves the frame.
+        InputError: it leaves the frame, or is too small.
     """
+    if min(region.width, region.height) < MIN_REGION_PX:
+        raise InputError(
+            f"{region_text(region)} is {region.width} x {region.height} pixels, too small for any object",
+            f"make it at least {MIN_REGION_PX} pixels wide and high, or leave it out to have it found",
+        )
     if region.x + region.width > size[1] or region.y + region.height > size[0]:
         raise InputError(
             f"{region_text(region)} leaves the frame of {size[1]} x {size[0]} pixels",

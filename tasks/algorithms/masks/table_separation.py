@@ -125,9 +125,8 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
     Raises:
         UnusableCapture: as `separate`.
     """
-    height, width = flashing.shape
     count = int(flashing.sum())
     if count < MIN_HIGHLIGHT_PX:
         raise UnusableCapture(f"no highlight, {count} of {free.sum()} pixels flash more than the table", MASK_REMEDY)
     if count > MAX_HIGHLIGHT_SHARE * free.sum():
-        raise UnusableCapture(f"{count / free.sum():.0%} of {width} x {height} pixels show a highlight", MASK_REMEDY)
+        raise UnusableCapture(f"{count / free.sum():.0%} of {free.sum():,} pixels show a highlight", MASK_REMEDY)

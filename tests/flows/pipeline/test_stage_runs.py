@@ -72,7 +72,7 @@ def recorded(node: dict[str, Any]) -> TaskRun:
 
 def progress_bars() -> list[tuple[float, str]]:
     """Progress and description of this capture's progress artifacts."""
-    chosen = ArtifactFilter(key=ArtifactFilterKey(any_=["glass-front-progress"]))
+    chosen = ArtifactFilter(key=ArtifactFilterKey(any_=["glass--front-progress"]))
     with get_client(sync_client=True) as client:
         artifacts = client.read_artifacts(artifact_filter=chosen)
     return [(float(artifact.data), str(artifact.description)) for artifact in artifacts]  # type: ignore[arg-type]

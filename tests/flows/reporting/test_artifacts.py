@@ -24,10 +24,20 @@ RECORDS = (
 
 @pytest.mark.parametrize(
     ("name", "key"),
-    [("Wine_Glass.2/front", "wine-glass-2-front"), ("../..", "capture"), ("catalogue Gläser", "catalogue-gl-ser")],
+    [
+        ("wine-glass/front", "wine-glass--front"),
+        ("catalogue glassware", "catalogue-glassware"),
+        ("Wine_Glass.2/front", "wine-glass-2--front-2dd32864"),
+        ("../..", "0cfd1c96"),
+    ],
 )
 def test_keys_are_what_prefect_accepts(name: str, key: str) -> None:
     assert artifact_key(name) == key
+
+
+def test_captures_have_different_keys() -> None:
+    names = ["a-b/c", "a/b-c", "a.b/c", "a_b/c", "a--b/c", "a/b", "a-b"]
+    assert len({artifact_key(name) for name in names}) == len(names)
 
 
 def result() -> RunResult:
@@ -52,8 +62,8 @@ def test_a_run_has_its_table_and_its_problems_on_the_server(server: Server) -> N
 
     found = ask(f"{server.api_url}/artifacts/filter", {"flow_runs": {"id": {"any_": [run()]}}})
     artifacts = {artifact["key"]: artifact for artifact in found}
-    assert set(artifacts) == {"catalogue-glassware", "problems-glassware", "glass-front"}
-    assert "](http://127.0.0.1:4300/#/glass/front/inputs)" in artifacts["glass-front"]["data"]
+    assert set(artifacts) == {"catalogue-glassware", "problems-glassware", "glass--front"}
+    assert "](http://127.0.0.1:4300/#/glass/front/inputs)" in artifacts["glass--front"]["data"]
     second, first = json.loads(artifacts["catalogue-glassware"]["data"])  # failures come first
     assert (first["capture"], first["state"], first["version"], first["frames"]) == ("glass/front", "done", "v2", 8000)
     assert (second["capture"], second["state"], second["frames"]) == ("glass/back", "failed", None)

@@ -86,6 +86,12 @@ def test_region_out_of_frame(refused: Refused) -> None:
     assert "5009" in str(error)
 
 
+@pytest.mark.parametrize(("width", "height"), [(40, 1), (3, 40)])
+def test_a_region_of_a_line(refused: Refused, width: int, height: int) -> None:
+    error = refused(region={"x": 10, "y": 10, "width": width, "height": height}, mask=None)
+    assert f"is {width} x {height} pixels, too small for any object" in str(error)
+
+
 def test_a_region_that_misses_the_object(refused: Refused, simulated: Path) -> None:
     region = load(simulated).objects[0].captures[0].region
     assert region is not None

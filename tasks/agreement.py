@@ -1,7 +1,8 @@
-"""Agreement of the scales of one object's captures: by all of them, the object has about the same size.
+"""Agreement of one object's captures: by all their scales it has about the same size, and so it is with their spheres.
 
 Views of an object differ by its proportions and by how near the camera was; by more than that, a scale is in another
-unit. A stage of one capture knows nothing of other captures, so this is compared by checks and runs, as spheres are.
+unit. A stage of one capture knows nothing of other captures, so scales and spheres (`sphere_agreement`) are compared by
+checks and runs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,12 +11,29 @@ from statistics import median
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.model.model_key import wants_model
+from glint.tasks.sphere_agreement import CaptureSpheres, sphere_warnings
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry
 from glint.tasks.stages.scale import length_text
 
 MAX_VIEW_RATIO = 6.0
 """Ratio of an object's extents in two views beyond which a scale is wrong: a bottle from the side and from above has
 four."""
+
+
+def agreement_warnings(
+    surveyed: Sequence[CaptureContext], spheres: Mapping[str, CaptureSpheres]
+) -> dict[str, list[StageWarning]]:
+    """Return warnings, by capture id, of spheres and scales that the object's other captures contradict.
+
+    surveyed: captures of one object; spheres: theirs, of `surveyed_spheres`.
+
+    Raises:
+        StoreError: a capture has not been surveyed.
+    """
+    warnings = sphere_warnings(spheres)
+    for name, of_scale in scale_warnings(surveyed).items():
+        warnings.setdefault(name, []).extend(of_scale)
+    return warnings
 
 
 def scale_warnings(contexts: Sequence[CaptureContext]) -> dict[str, list[StageWarning]]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from glint.storage.catalogue.loading import Region
-from glint.tasks.scale_agreement import contradicting_scales, scale_warnings, unknown_scales
+from glint.tasks.agreement import contradicting_scales, scale_warnings, unknown_scales
 from glint.tasks.stages.capture_geometry import CaptureGeometry
 from tests.tasks.make_context import make_context, perform_all
 
