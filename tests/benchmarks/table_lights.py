@@ -49,12 +49,12 @@ def lit_captures(numbers: str, folder: Path, *, has_shadows: bool) -> Iterator[t
 class MeasuredLights:
     """Lights of a capture beside the truth.
 
-    true, found: inverse distances in frame widths, 0 of a distant light; error, stated: of the half vectors in the
+    true, measured: inverse distances in frame widths, 0 of a distant light; error, stated: of the half vectors in the
     region's middle, degrees, median over the frames, and its standard deviation.
     """
 
     true: float
-    found: float
+    measured: float
     error: float
     stated: float
 
@@ -68,8 +68,8 @@ def measured_lights(context: CaptureContext, true: float) -> MeasuredLights:
     error = 0.5 * float(np.nanmedian(angles(lights, truth[: len(lights)])))
     middle = float(deviation[deviation.shape[0] // 2, deviation.shape[1] // 2])
     width = load_geometry(context).frame_size[0]
-    found = 0.0 if near is None else width / near["distance"]
-    return MeasuredLights(true, found, error, float(np.degrees(np.sqrt(2.0) * middle)))
+    measured = 0.0 if near is None else width / near["distance"]
+    return MeasuredLights(true, measured, error, float(np.degrees(np.sqrt(2.0) * middle)))
 
 
 def summary(rows: Sequence[MeasuredLights]) -> str:
@@ -82,7 +82,7 @@ def summary(rows: Sequence[MeasuredLights]) -> str:
         if group:
             ratios = np.array([row.error / max(row.stated, 1e-3) for row in group])
             parts.append(
-                f"{len(group)} {name} lights, {sum(row.found > 0.0 for row in group)} taken for near: error over"
+                f"{len(group)} {name} lights, {sum(row.measured > 0.0 for row in group)} taken for near: error over"
                 f" deviation {np.sqrt((ratios**2).mean()):.2f} (RMS), at most {ratios.max():.1f}; error"
                 f" {np.median([row.error for row in group]):.2f}, stated {np.median([row.stated for row in group]):.2f}"
                 " degrees (medians)"
@@ -109,7 +109,7 @@ def main() -> None:
                 print(f"{name}: refused, {error}", flush=True)
                 continue
             rows.append(row)
-            line = f"{true:.3f}, found {row.found:.3f}; half vectors off by {row.error:.2f}, stated {row.stated:.2f}"
+            line = f"{true:.3f}, found {row.measured:.3f}; half vectors off by {row.error:.2f}, stated {row.stated:.2f}"
             print(f"{name}: {line}", flush=True)
     print(summary(rows))
 
