@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=14,
+        version=15,
     ),
     Stage(
         "mask",

@@ -19,6 +19,9 @@ MIN_PLACES = 60
 """Places of the background from which the pattern is trusted."""
 OUTLIER_DEVIATIONS = 4.0
 """Robust standard deviations beyond which a place is taken to lie in a shadow or a caustic."""
+ROUNDING_DEVIATION = 12.0**-0.5
+"""Least such deviation, in levels: that of rounding. On a plain table most levels can be equal, and the pattern is in
+those that are not."""
 MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
 """Frames in which levels change from which these alone are used, and changes of a frame and of a place from which their
 medians are known."""
@@ -91,12 +94,24 @@ class Background:
     def without_outliers(self) -> "Background":
         """Return the background without what lies in a shadow or a caustic."""
         pattern = _without_medians(self.logarithms, self.used)
-        limit = OUTLIER_DEVIATIONS * (robust_deviation(pattern[np.isfinite(pattern)]) + 1e-6)
+        least = ROUNDING_DEVIATION / self.usual_level
+        limit = OUTLIER_DEVIATIONS * max(robust_deviation(pattern[np.isfinite(pattern)]), least)
         return replace(self, used=np.abs(np.nan_to_num(pattern, nan=np.inf)) < limit)
+
+    @property
+    def usual_level(self) -> float:
+        """Median level of the background."""
+        return float(np.exp(np.median(self.logarithms)))
+
+    def inverse_distance_of(self, levels: float) -> float:
+        """Return the inverse distance, 1/pixels, of a light whose pattern is so many levels (RMS)."""
+        near = START_REACHES / self._reach
+        strength = float(np.sqrt(np.nanmean(self._model(near) ** 2)))
+        return levels * near / (strength * self.usual_level)
 
     def fit(self) -> PatternFit:
         """Fit the light's inverse distance."""
-        reach = float(np.linalg.norm(self.points, axis=1).max())
+        reach = self._reach
         inverse = self._inverse(START_REACHES / reach, reach, ITERATIONS)
         start, everywhere = max(inverse, START_REACHES / reach), np.ones(len(self.points), bool)
 
@@ -104,6 +119,17 @@ class Background:
             return self.part(kept, everywhere)._inverse(start, reach, 1)
 
         return PatternFit(inverse, standard_error(len(self.used), again))
+
+    @property
+    def _reach(self) -> float:
+        """Distance of the farthest place, pixels."""
+        return float(np.linalg.norm(self.points, axis=1).max())
+
+    def _model(self, inverse: float) -> np.ndarray:
+        """Return the pattern (T, N) of a light at an inverse distance."""
+        directions = self.site.at_reference(np.full(len(self.used), inverse))
+        model = self.table.log_levels(self.points, directions, inverse, self.room_share)
+        return _without_medians(model, self.used)
 
     def _inverse(self, start: float, reach: float, iterations: int) -> float:
         """Return the inverse distance that explains the pattern, from an approximate one, `start`.
@@ -114,9 +140,7 @@ class Background:
         inverse = start
         for _ in range(iterations):
             near = max(inverse, START_REACHES / reach)
-            directions = self.site.at_reference(np.full(len(self.used), near))
-            model = self.table.log_levels(self.points, directions, near, self.room_share)
-            model = _without_medians(model, self.used)
+            model = self._model(near)
             inside = np.isfinite(model) & np.isfinite(pattern)
             scale = float((model[inside] @ pattern[inside]) / (model[inside] @ model[inside]))
             # A light between the background and the object would have been in the picture.

@@ -3,7 +3,8 @@
 The background is the plane of the table, at any angle to the camera (`table_plane`). The pattern that falloff leaves on
 it shows the light's inverse distance (`background_pattern`). Light of the room weakens the pattern; how much there is
 shows in the darkest shadow, or in how the background follows the light's cosine. A codec holds a block's level until it
-has changed by a few levels, which weakens the pattern too: levels count where they have just changed.
+has changed by a few levels, which weakens the pattern too, or leaves none: levels count where they have just changed,
+and how far they are held back bounds what they can show.
 """
 
 from dataclasses import dataclass
@@ -32,9 +33,11 @@ ROOM_DEVIATIONS = 2.0
 """Standard errors by which the room may have more light than the cosine shows."""
 PLANE_ROUNDS = 2
 """Times that the table's plane is measured, with the light's distance in between."""
-LEAST_CHANGES = 2.0, 1.0
-"""Changes of a level since the frame before, in levels, from which it is known to be coded anew, the best first: the
-larger, the less of it is lost (`python -m tests.benchmarks.light_distance`)."""
+LEAST_CHANGE = 1.0
+"""Change of a level since the frame before, in levels, from which it is known to be coded anew. The largest changes are
+those of moving shadows and caustics (`python -m tests.benchmarks.table_lights`)."""
+HELD_DEVIATION = 3.0**-0.5
+"""Standard deviation of an error that lies anywhere within what a level is held back, relative to that."""
 EXPONENT_ERROR, ROOM_ERROR = 0.2, 0.1
 """Standard deviations of the camera's exponent, relative (with the light's beam: that of sRGB is a fifth larger at dark
 levels), and of the room's share by shadows that are not wholly dark."""
@@ -70,17 +73,19 @@ def measure_falloff(
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     shown = np.maximum(levels[:, places].astype(np.float32), 1.0)
     table = _Table(shown, x[places], y[places], site, centre, radius)
-    inverse = 0.0
+    inverse, held = 0.0, _held_levels(shown[lit])
     for _ in range(PLANE_ROUNDS):
         measured = table.background(inverse)
         if measured is None:
             return None
         background = measured
         fit = background.without_outliers().fit()
+        hidden = background.inverse_distance_of(HELD_DEVIATION * held)
         if not fit.is_significant:
-            return Falloff(0.0, float(np.hypot(fit.standard_error, max(fit.inverse_distance, 0.0))))
+            known = np.hypot(fit.standard_error, max(fit.inverse_distance, 0.0))
+            return Falloff(0.0, float(np.hypot(known, hidden)))
         inverse = fit.inverse_distance
-    return _falloff_by_changes(background, fit)
+    return _falloff_by_changes(background, fit, hidden)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,16 +144,30 @@ def _room_share(in_shadow: float, logarithms: np.ndarray, cosines: np.ndarray) -
     return (in_shadow, 0.0) if in_shadow < by_cosine else (by_cosine, error)
 
 
-def _falloff_by_changes(background: Background, whole: PatternFit) -> Falloff:
+def _held_levels(levels: np.ndarray) -> float:
+    """Return how far a codec holds back levels (T, N) of places under a moving light, in levels.
+
+    While a level stays as it is, the light moves on: from one change to the next by the mean change of the whole table,
+    times the number of frames between them.
+    """
+    is_held = np.diff(levels, axis=0) == 0.0
+    drift = float(np.abs(np.diff(levels.mean(axis=1))).mean())
+    return drift * float(is_held.sum() / max(int((~is_held).sum()), 1))
+
+
+def _falloff_by_changes(background: Background, whole: PatternFit, hidden: float) -> Falloff:
     """Return the falloff by the levels that have just changed, where they show it; else `whole`, the fit of all levels.
 
     Moving shadows and caustics change levels most: whether a light is near at all is not told by changes alone.
+
+    hidden: inverse distance whose pattern a codec may hide, 1/pixels.
     """
-    parts = [background.of_changes(least) for least in LEAST_CHANGES]
-    fits = [part.without_outliers().fit() for part in parts if part is not None]
-    fit = next((fit for fit in fits if fit.is_significant), whole)
+    part = background.of_changes(LEAST_CHANGE)
+    changed = whole if part is None else part.without_outliers().fit()
+    fit = changed if changed.is_significant else whole
     # What a codec weakened among all levels may still be weakened as much among those that changed.
     held = fit.inverse_distance - whole.inverse_distance
     room = np.hypot(ROOM_ERROR, background.room_deviation) / (1.0 - background.room_share)
     model = fit.inverse_distance * np.hypot(EXPONENT_ERROR, room)
-    return Falloff(fit.inverse_distance, float(np.sqrt(fit.standard_error**2 + model**2 + held**2)))
+    deviation = np.sqrt(fit.standard_error**2 + model**2 + held**2 + hidden**2)
+    return Falloff(fit.inverse_distance, float(deviation))

@@ -148,6 +148,31 @@ def test_levels_that_a_codec_holds_are_allowed_for(distance: float, step: float)
     assert abs(found.inverse_distance * distance - 1) < 0.1
 
 
+def plain(distance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, SphereLights, np.ndarray, float]:
+    """Return the same as `background`, of a dark cloth without texture, shadows or noise."""
+    levels, x, y, site, centre, radius = background(distance, room=0.2, shadows=False, drift=0.0)
+    albedo = np.median(levels, axis=0)
+    return 45.0 * levels / albedo, x, y, site, centre, radius
+
+
+def test_a_plain_table_shows_a_near_light_in_few_of_its_levels() -> None:
+    levels, x, y, site, centre, radius = plain(10000.0)
+    shown = np.round(levels)
+    assert (shown == np.median(shown, axis=1, keepdims=True)).mean() > 0.5
+    found = measure_falloff(shown, x, y, site, centre, radius)
+    assert found is not None
+    assert abs(found.inverse_distance * 10000.0 - 1) < 0.3
+
+
+@pytest.mark.parametrize("distance", [2000.0, 1e6])
+def test_what_a_codec_may_hide_is_not_known(distance: float) -> None:
+    levels, x, y, site, centre, radius = plain(distance)
+    flat = np.repeat(np.median(levels, axis=1, keepdims=True), levels.shape[1], axis=1)
+    found = measure_falloff(np.round(held(flat, 3.0)), x, y, site, centre, radius)
+    assert found is not None and found.inverse_distance == 0.0
+    assert found.standard_deviation > 0.5 / 2000.0
+
+
 @pytest.mark.parametrize("turns", [0.7, 1.0])
 def test_a_drifting_exposure_does_not_hide_the_room(turns: float) -> None:
     steady, x, y, site, centre, radius = background(600.0, room=0.5, drift=0.0)
