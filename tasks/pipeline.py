@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=34,
+        version=35,
     ),
     Stage(
         "frames",

@@ -13,8 +13,8 @@ from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     MIN_CONTRADICTION_DEVIATIONS,
-    SYSTEMATIC_RATIO,
     CheckedCircle,
+    beside_highlights,
     check_circle,
     contradicts,
     radius_lacking,
@@ -71,6 +71,12 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
         if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
             return rim.sphere, _correction(given, rim.sphere, rim.sphere)
         return beside(given, rim.sphere), None
+    if not confirmed.is_corrected and is_elsewhere(given, confirmed.fit):
+        of_fit = check_circle(frames, confirmed.fit, camera=camera, deviations=CORRECTION_DEVIATIONS)
+        if of_fit.is_contradicted and of_fit.shapes is not None:
+            # What the highlights refute leaves no doubt about the given circle.
+            used = beside_highlights(given, of_fit.shapes, UNKNOWN_DEVIATION_RATIO * given.radius)
+            confirmed = replace(confirmed, sphere=used)
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
     deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS
@@ -121,8 +127,7 @@ def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: Checke
         radius_sd = other.sphere.radius_sd
     elif confirmed.given_contrast < MIN_OWN_CONTRAST:
         radius_sd = HAND_DEVIATION_RATIO * given.radius
-    centre_sd = max(shapes.sd, float(np.hypot(given.x - shapes.x, given.y - shapes.y)) / np.sqrt(2.0))
-    used = replace(given, centre_sd=max(centre_sd, SYSTEMATIC_RATIO * given.radius), radius_sd=radius_sd)
+    used = beside_highlights(given, shapes, radius_sd)
     message = (
         f"{_place(given)} is used as it is: a clearer circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius"
         f" {fit.radius:.1f}, contradicts the shapes of the highlights: compare it with the frame, and put a plain"

@@ -130,6 +130,13 @@ def contradicts(shapes: ShapeCircle, sphere: Sphere, deviations: float = MIN_CON
     )
 
 
+def beside_highlights(circle: Sphere, shapes: ShapeCircle, radius_sd: float) -> Sphere:
+    """Return a circle that the highlights allow, with the deviation that their shapes leave its centre."""
+    difference = float(np.hypot(circle.x - shapes.x, circle.y - shapes.y)) / np.sqrt(2.0)
+    centre_sd = max(shapes.sd, difference, SYSTEMATIC_RATIO * circle.radius)
+    return replace(circle, centre_sd=centre_sd, radius_sd=radius_sd)
+
+
 def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.ndarray | None) -> Sphere | None:
     """Return the circle with the most contrast about the highlights' centre; None: none is clear and agrees.
 

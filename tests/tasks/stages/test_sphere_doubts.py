@@ -75,6 +75,19 @@ def test_a_given_circle_stands_against_a_fit_that_the_highlights_contradict() ->
     assert "is used as it is: a clearer circle, at (55.0, 60.8)" in warning.message
 
 
+@pytest.mark.parametrize(("edge_x", "is_refuted"), [(55.0, True), (58.3, False)])
+def test_what_the_highlights_refute_leaves_no_doubt_about_a_given_circle(
+    monkeypatch: pytest.MonkeyPatch, edge_x: float, is_refuted: bool
+) -> None:
+    edge, truth = Sphere(edge_x, 60.8, 28.0, 0.4, 0.3, 0.2), Sphere(58.3, 60.8, 30.4)
+    beside = replace(truth, centre_sd=3.0, radius_sd=1.5)
+    confirmed = ConfirmedSphere(beside, edge, is_clear=True, is_corrected=False, given_contrast=1.0)
+    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+    (used,), _ = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
+    assert used.distance(truth) == 0.0 and used.radius == truth.radius
+    assert (used.centre_sd < 1.5 and used.radius_sd < 1.0) == is_refuted
+
+
 @pytest.mark.usefixtures("misled_fit")
 def test_where_the_highlights_contradict_both_neither_passes_as_right() -> None:
     truth, given = Sphere(58.3, 60.8, 30.4), Sphere(66.3, 60.8, 30.4)
