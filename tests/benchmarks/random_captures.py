@@ -15,16 +15,15 @@ with less than 5%, or why it is refused; at last the geometric mean of the error
 """
 
 import argparse
-import json
 import random
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from glint.storage.catalogue.loading import Capture, load
+from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -32,9 +31,9 @@ from glint.tasks.algorithms.labelling.results import CONFIDENT
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
-from glint.tasks.simulation.simulate import SHAPES, CaptureOptions, simulate
+from glint.tasks.simulation.simulate import SHAPES, CaptureOptions
 from glint.tasks.stages.capture_geometry import load_geometry
-from tests.benchmarks.simulated_captures import shapes_parser
+from tests.benchmarks.simulated_captures import shapes_parser, simulated_once
 from tests.tasks.make_context import perform_all
 
 STAGES = ("survey", "lights", "mask", "labels")
@@ -66,9 +65,7 @@ def random_capture(shape: str, seed: int, folder: Path, *, is_given: bool, is_on
     )
     if is_on_table:
         options = _on_table(options)
-    if not _is_simulated(folder, shape, options):
-        simulate(shape, folder, options)
-    capture = load(folder / "catalogue.yaml").object(shape).captures[0]
+    capture = simulated_once(shape, folder, options)
     without_mask, without_spheres = draw.random() < 1 / 3, draw.random() < 1 / 2
     missing = {"mask": None} if without_mask and not is_given else {}
     return capture.model_copy(update=missing | ({"spheres": ()} if without_spheres and not is_given else {}))
@@ -85,15 +82,6 @@ def _on_table(options: CaptureOptions) -> CaptureOptions:
         scale=round(draw.uniform(0.4, 0.6), 2),
         frames=draw.randint(500, 600),
     )
-
-
-def _is_simulated(folder: Path, shape: str, options: CaptureOptions) -> bool:
-    """Return whether a folder holds the capture of a shape with these options."""
-    path = folder / shape / "front" / "meta.json"
-    if not path.exists():
-        return False
-    description = json.loads(path.read_text())
-    return all(description.get(name) == value for name, value in asdict(options).items())
 
 
 def random_captures(

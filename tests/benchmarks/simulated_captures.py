@@ -1,8 +1,10 @@
 """Captures of simulated shapes, each to be measured alone, and the command line of programs that measure them."""
 
 import argparse
+import json
 import tempfile
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 from glint.storage.catalogue.loading import Capture, load
@@ -17,6 +19,16 @@ def shapes_parser(description: str | None, **defaults: float) -> argparse.Argume
     for name, default in defaults.items():
         parser.add_argument(f"--{name}", type=type(default), default=default)
     return parser
+
+
+def simulated_once(shape: str, folder: Path, options: CaptureOptions) -> Capture:
+    """Return the only capture of a shape, simulated into a folder unless that holds it with the same options."""
+    path = folder / shape / "front" / "meta.json"
+    description = json.loads(path.read_text()) if path.exists() else {}
+    if any(description.get(name, ...) != value for name, value in asdict(options).items()):
+        simulate(shape, folder, options)
+    (capture,) = load(folder / "catalogue.yaml").object(shape).captures
+    return capture
 
 
 def simulated_captures(

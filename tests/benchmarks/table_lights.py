@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from glint.storage.catalogue.loading import Capture, load
+from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.simulation.simulate import simulate
 from glint.tasks.stages.capture_geometry import load_geometry
+from tests.benchmarks.simulated_captures import simulated_once
 from tests.benchmarks.table_scenes import SHAPES, scene_options
 from tests.tasks.make_context import perform_all
 
@@ -32,10 +32,7 @@ def lit_captures(numbers: str, folder: Path, *, has_shadows: bool) -> Iterator[t
     first, last = (int(number) for number in numbers.split("-"))
     for number in range(first, last + 1):
         options = replace(scene_options(number), shadows=has_shadows)
-        catalogue = folder / str(number) / "catalogue.yaml"
-        if not catalogue.exists():
-            simulate(SHAPES[number % len(SHAPES)], catalogue.parent, options)
-        (capture,) = load(catalogue).objects[0].captures
+        capture = simulated_once(SHAPES[number % len(SHAPES)], folder / str(number), options)
         inverse = 0.0 if options.light_distance is None else 1.0 / options.light_distance
         for sphere in capture.spheres:
             yield (

@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.first_pass import Sample
+from tests.benchmarks.simulated_captures import simulated_once
 from tests.benchmarks.spheres_scenes import read_sample
 
 SHAPES = "elephant", "puppy", "bird", "teddy-bear", "fish", "pitcher", "tumbler", "faceted-bottle"
@@ -58,11 +58,8 @@ def scene_options(number: int) -> CaptureOptions:
 
 def table_scene(number: int, folder: Path) -> TableScene:
     """Return a numbered scene, simulated into the folder unless it is there."""
-    shape, options = SHAPES[number % len(SHAPES)], scene_options(number)
-    catalogue = folder / str(number) / "catalogue.yaml"
-    if not catalogue.exists():
-        simulate(shape, catalogue.parent, options)
-    (capture,) = load(catalogue).objects[0].captures
+    shape = SHAPES[number % len(SHAPES)]
+    capture = simulated_once(shape, folder / str(number), scene_options(number))
     spheres = tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in capture.spheres)
     return TableScene(f"table {number} {shape}", read_sample(Path(capture.frames), FRAMES), spheres)
 
