@@ -89,15 +89,15 @@ def check_region(region: Region, size: tuple[int, int]) -> None:
     Raises:
         InputError: it leaves the frame, or is too small.
     """
-    if min(region.width, region.height) < MIN_REGION_PX:
-        raise InputError(
-            f"{region_text(region)} is {region.width} x {region.height} pixels, too small for any object",
-            f"make it at least {MIN_REGION_PX} pixels wide and high, or leave it out to have it found",
-        )
     if region.x + region.width > size[1] or region.y + region.height > size[0]:
         raise InputError(
             f"{region_text(region)} leaves the frame of {size[1]} x {size[0]} pixels",
             "correct it in the catalogue (pixels of the full frame), or leave it out to have it found",
+        )
+    if min(region.width, region.height) < MIN_REGION_PX:
+        raise InputError(
+            f"{region_text(region)} is {region.width} x {region.height} pixels, too small for any object",
+            f"make it at least {MIN_REGION_PX} pixels wide and high, or leave it out to have it found",
         )
 
 
