@@ -71,12 +71,6 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
         if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
             return rim.sphere, _correction(given, rim.sphere, rim.sphere)
         return beside(given, rim.sphere), None
-    if not confirmed.is_corrected and is_elsewhere(given, confirmed.fit):
-        of_fit = check_circle(frames, confirmed.fit, camera=camera, deviations=CORRECTION_DEVIATIONS)
-        if of_fit.is_contradicted and of_fit.shapes is not None:
-            # What the highlights refute leaves no doubt about the given circle.
-            used = beside_highlights(given, of_fit.shapes, UNKNOWN_DEVIATION_RATIO * given.radius)
-            confirmed = replace(confirmed, sphere=used)
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
     deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS
@@ -91,8 +85,13 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
         lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
         used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
         return used, _correction(given, confirmed.fit, used)
+    fit, shapes = confirmed.fit, check.shapes
+    if shapes is not None and is_elsewhere(given, fit) and contradicts(shapes, fit, CORRECTION_DEVIATIONS):
+        # What the highlights refute leaves no doubt about the given circle, unless they then contradict that too.
+        used = beside_highlights(given, shapes, UNKNOWN_DEVIATION_RATIO * given.radius)
+        if not contradicts(shapes, used):
+            confirmed = replace(confirmed, sphere=used)
     if confirmed.is_disputed:
-        fit = confirmed.fit
         message = (
             f"{_place(given)} is used as it is, although a circle at ({fit.x:.1f}, {fit.y:.1f}) with radius"
             f" {fit.radius:.1f} is clearer: compare both with the frame, and put a plain background behind the sphere"

@@ -35,12 +35,21 @@ def scale_error(depth: np.ndarray, truth: np.ndarray) -> float:
 
 
 def affine_error(depth: np.ndarray, truth: np.ndarray) -> float:
-    """Return the mean absolute error after scale and offset of least absolute deviations (reweighted least squares)."""
-    design, weight = np.stack([depth, np.ones_like(depth)], axis=1), np.ones_like(depth)
+    """Return the mean absolute error after scale and offset of least absolute deviations."""
+    design = np.stack([depth, np.ones_like(depth)], axis=1)
+    return float(np.abs(design @ least_absolute(design, truth, 1e-4) - truth).mean())
+
+
+def least_absolute(design: np.ndarray, target: np.ndarray, least: float) -> np.ndarray:
+    """Return the coefficients (M,) of a design (N, M) that deviate least from a target (N,), in absolute values.
+
+    least: deviation up to which a value has full weight (reweighted least squares).
+    """
+    weight = np.ones_like(target)
     for _ in range(60):
-        fit = np.linalg.lstsq(design * weight[:, None], truth * weight, rcond=None)[0]
-        weight = 1 / np.sqrt(np.maximum(np.abs(design @ fit - truth), 1e-4))
-    return float(np.abs(design @ fit - truth).mean())
+        fit = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
+        weight = 1 / np.sqrt(np.maximum(np.abs(target - design @ fit), least))
+    return np.asarray(fit)
 
 
 def main() -> None:

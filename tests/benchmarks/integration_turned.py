@@ -18,7 +18,7 @@ from glint.tasks.algorithms.geometry.perspective import focal_length
 from glint.tasks.algorithms.integration.contour_margin import least_cosines
 from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.expected_rises import ExpectedRises, expected_rises
-from tests.benchmarks.integration_diligent import BAR, load, scale_error
+from tests.benchmarks.integration_diligent import BAR, least_absolute, load, scale_error
 from tests.benchmarks.integration_scenes import Scene
 from tests.benchmarks.integration_synthetic import Solver, ours, published
 
@@ -28,6 +28,8 @@ MARGIN_PX = 4
 """Distance to the contour up to which edges do not count."""
 LARGEST_MISFIT = 4.0
 """Standard deviations of the rise from which an edge counts as a step of the true surface."""
+LEAST_DEVIATION = 0.05
+"""Standard deviations up to which a misfit has full weight."""
 LARGEST_CHANGE_MM = 2.0
 """Limit of the change of depth where the line of sight grazes the surface."""
 
@@ -51,11 +53,7 @@ def turn_of(normals: np.ndarray, mask: np.ndarray, camera: np.ndarray, truth: np
     inner = cv2.erode((mask & np.isfinite(truth)).astype(np.uint8), np.ones((2 * MARGIN_PX + 1,) * 2)) > 0
     counted = (precision > 0.0) & inner & (np.abs(misfit) < LARGEST_MISFIT)
     design, target = (precision * np.stack(changes))[:, counted].T, misfit[counted]
-    weight = np.ones_like(target)
-    for _ in range(30):
-        turn = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
-        weight = 1 / np.sqrt(np.maximum(np.abs(target - design @ turn), 0.05))
-    return np.asarray(turn)
+    return least_absolute(design, target, LEAST_DEVIATION)
 
 
 def turned_depth(

@@ -111,12 +111,12 @@ class Background:
 
     def fit(self) -> PatternFit:
         """Fit the light's inverse distance."""
-        reach = self._reach
-        inverse = self._inverse(START_REACHES / reach, reach, ITERATIONS)
-        start, everywhere = max(inverse, START_REACHES / reach), np.ones(len(self.points), bool)
+        least, everywhere = START_REACHES / self._reach, np.ones(len(self.points), bool)
+        inverse = self._inverse(least, ITERATIONS)
+        start = max(inverse, least)
 
         def again(kept: np.ndarray) -> float:
-            return self.part(kept, everywhere)._inverse(start, reach, 1)
+            return self.part(kept, everywhere)._inverse(start, 1)
 
         return PatternFit(inverse, standard_error(len(self.used), again))
 
@@ -131,12 +131,9 @@ class Background:
         model = self.table.log_levels(self.points, directions, inverse, self.room_share)
         return _without_medians(model, self.used)
 
-    def _inverse(self, start: float, reach: float, iterations: int) -> float:
-        """Return the inverse distance that explains the pattern, from an approximate one, `start`.
-
-        reach: of the farthest place, pixels.
-        """
-        pattern = _without_medians(self.logarithms, self.used)
+    def _inverse(self, start: float, iterations: int) -> float:
+        """Return the inverse distance that explains the pattern, from an approximate one, `start`."""
+        pattern, reach = _without_medians(self.logarithms, self.used), self._reach
         inverse = start
         for _ in range(iterations):
             near = max(inverse, START_REACHES / reach)

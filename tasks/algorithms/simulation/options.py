@@ -98,7 +98,7 @@ class CaptureOptions:
     shadows: bool = False
     """If set, object and spheres stand on the table and throw shadows and caustics on it (0.2 seconds a frame)."""
     sphere_height: float = 0.0
-    """Height in radii at which spheres stand above the table, as on a holder, if there are shadows."""
+    """Height in radii of spheres above the table, as on a holder; only with shadows, and from afar."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
