@@ -24,7 +24,7 @@ from glint.tasks.algorithms.labelling.results import (
     exterior_normals,
 )
 from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights, LabellingOptions
-from glint.tasks.algorithms.near_light.half_vector_error import combined_error
+from glint.tasks.algorithms.near_light.half_vector_error import combined_error, spheres_error
 from glint.tasks.algorithms.published.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.published.winner_takes_all import reconstruct_winner
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
@@ -36,7 +36,6 @@ from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
 from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
-from glint.tasks.stages.sphere_doubts import spheres_error
 
 CHANGED_SCENE_SHARE = 0.5
 """Share of the normals that can be trusted where a part of the frames shows another scene: of two such captures 43 and

@@ -9,6 +9,7 @@ import numpy as np
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
+from glint.tasks.algorithms.lighting.spheres import precision_weights
 from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
 from glint.tasks.algorithms.near_light.half_vector_error import (
     LEAST_DISTANCE_SIZES,
@@ -91,13 +92,13 @@ def measure_distance(
         inverse = np.full(count, 1.0 / _in_pixels(distance_mm, geometry))
         given = _KnownDistance(inverse, GIVEN_ERROR * float(inverse[0]), "given")
         return _near(by_sphere, sites, geometry, tolerance, given)
-    triangulated = triangulate(sites)
+    triangulated = triangulate(sites, precision_weights(geometry.spheres, np.ones(len(sites))))
     if triangulated is not None:
         inverse = triangulated.inverse_distance
         deviation = float(np.hypot(TRIANGULATED_ERROR * np.median(inverse), triangulated.standard_error))
         measured = _KnownDistance(inverse, deviation, "spheres", triangulated.rotations)
         return _near(by_sphere, sites, geometry, tolerance, measured)
-    merged = merge_spheres(by_sphere, tolerance=tolerance)
+    merged = merge_spheres(by_sphere, geometry.spheres, tolerance=tolerance)
     if np.isfinite(merged.inter_sphere_angle).sum() >= MIN_SHARED_FRAMES:
         return DistanceResult(merged, None, None, [], [])
     falloff = _falloff(sites, geometry, thumbnails)
@@ -125,7 +126,7 @@ def _near(
         _seen_from_reference(lights, site, inverse, rotation)
         for lights, site, rotation in zip(by_sphere, sites, rotations, strict=True)
     ]
-    merged = merge_spheres(moved, tolerance=tolerance)
+    merged = merge_spheres(moved, geometry.spheres, tolerance=tolerance)
     near = NearLight(*reference_point(geometry), merged.half_vectors, inverse.astype(np.float32))
     least, middle, greatest = (1.0 / np.percentile(inverse, (95.0, 50.0, 5.0))).tolist()
     record = {

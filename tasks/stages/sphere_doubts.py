@@ -11,6 +11,7 @@ from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, int
 from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     MIN_CONTRADICTION_DEVIATIONS,
     CheckedCircle,
@@ -191,13 +192,6 @@ def _contradiction(check: CheckedCircle, given: Sphere | None = None) -> StageWa
     return _warning(message, used)
 
 
-def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
-    """Return the standard deviation per axis (...), radians, that the spheres' fits leave in their mean half vectors,
-    by the z components (...) of these."""
-    variances = [sphere.half_vector_sd(nz) ** 2 for sphere in spheres]
-    return np.asarray(np.sqrt(np.sum(variances, axis=0)) / len(variances) if variances else np.zeros(np.shape(nz)))
-
-
 def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
     """Return the RMS of `spheres_error` over all accepted lights, radians; 0 without lights."""
     errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
@@ -234,7 +228,10 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
         )
         return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
     median, _ = inter_sphere_angles(result)
-    if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
+    # Disagreement is measured from the middle of all spheres, which have the same weight in it.
+    middle_error = np.linalg.norm([sweep_error([sphere], result) for sphere in spheres]) / len(spheres)
+    expected = DISAGREEMENT_DEVIATIONS * float(np.degrees(middle_error)) * np.sqrt(2.0)
+    if not is_near and median > max(MIN_DISAGREEMENT_DEG, expected):
         message = (
             f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
             " or leave out the worse sphere"

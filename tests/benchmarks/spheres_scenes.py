@@ -90,7 +90,7 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
     balls = [Sphere(ball["x"], ball["y"], ball["radius"]) for ball in truth["balls"] if ball["whole"]]
     cut = [Sphere(ball["x"], ball["y"], ball["radius"]) for ball in truth["balls"] if not ball["whole"]]
     result = Result(folder.name)
-    exact = merge_spheres([lights_of_sphere(frames, ball) for ball in balls])
+    exact = merge_spheres([lights_of_sphere(frames, ball) for ball in balls], balls)
     result.true_light_deg = float(np.nanmedian(angles(exact.lights, directions)))
     start = time.process_time()
     try:
@@ -102,7 +102,7 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
             spheres, warnings = confirm_found(sample.frames, find_spheres(sample.frames, sample.peak), None)
         result.warnings += [str(warning) for warning in warnings]
         result.seconds = time.process_time() - start
-        lights = merge_spheres([lights_of_sphere(frames, sphere) for sphere in spheres])
+        lights = merge_spheres([lights_of_sphere(frames, sphere) for sphere in spheres], spheres)
     except UnusableCapture as error:
         result.refusal, result.missed = str(error), len(balls)
         return result

@@ -21,7 +21,7 @@ from glint.tasks.algorithms.lighting.highlights import (
     static_background,
     without_blur,
 )
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, precision_weights
 
 REASONS = (
     "accepted",
@@ -59,7 +59,7 @@ class Lights:
 
     half_vectors, lights: (T, 3) float32, unit, camera frame, NaN where rejected. reason: (T,) uint8, index into
     `REASONS`. area: (T,) float32, pixels of each highlight. inter_sphere_angle: (T,) float32, largest angle in degrees
-    between one sphere's half vector and the spheres' mean; NaN with a single sphere.
+    between one sphere's half vector and the middle of all spheres'; NaN with a single sphere.
     """
 
     half_vectors: np.ndarray
@@ -173,11 +173,11 @@ def inter_sphere_angles(lights: Lights) -> tuple[float, float]:
     return (float(np.median(known)), float(np.percentile(known, 95.0))) if known.size else (np.nan, np.nan)
 
 
-def merge_spheres(per_sphere: Sequence[Lights], *, tolerance: float = 5.0) -> Lights:
-    """Merge the lights of several spheres: the mean half vector of the spheres that accept a frame.
+def merge_spheres(per_sphere: Sequence[Lights], spheres: Sequence[Sphere], *, tolerance: float = 5.0) -> Lights:
+    """Merge the lights of several spheres: the mean half vector of those that accept a frame, by `precision_weights`.
 
-    A frame in which a sphere's half vector lies further than `tolerance` degrees from the mean is ambiguous. A frame
-    that no sphere accepts keeps the first sphere's reason.
+    A frame in which a sphere's half vector lies further than `tolerance` degrees from the middle of all is ambiguous. A
+    frame that no sphere accepts keeps the first sphere's reason.
 
     Raises:
         ValueError: no lights, or different numbers of frames.
@@ -190,8 +190,10 @@ def merge_spheres(per_sphere: Sequence[Lights], *, tolerance: float = 5.0) -> Li
         return per_sphere[0]
     stack = np.stack([lights.half_vectors for lights in per_sphere]).astype(np.float64)
     accepted = np.stack([lights.accepted for lights in per_sphere])
-    mean = unit(np.where(accepted[..., None], stack, 0.0).sum(axis=0))
-    deviation = np.where(accepted, angles(np.where(accepted[..., None], stack, mean), mean), 0.0).max(axis=0)
+    known = np.where(accepted[..., None], stack, 0.0)
+    weights = precision_weights(spheres, np.where(accepted, stack[..., 2], 1.0))
+    mean, middle = unit((weights[..., None] * known).sum(axis=0)), unit(known.sum(axis=0))
+    deviation = np.where(accepted, angles(np.where(accepted[..., None], stack, middle), middle), 0.0).max(axis=0)
     several = accepted.sum(axis=0) > 1
     reason = np.where(accepted.any(axis=0), ACCEPTED, per_sphere[0].reason)
     reason[several & (deviation > tolerance)] = AMBIGUOUS

@@ -22,6 +22,8 @@ MIN_CORRECTION_RATIO, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS = 0.012, 0.75
 rim of a small sphere is sampled too coarsely to contradict less."""
 MIN_OBSERVABLE_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the steepest half vector of a light before the object."""
+LEAST_HALF_VECTOR_SD = 0.01
+"""Standard deviation per axis, radians, below which a sphere's half vectors have no more weight beside another's."""
 CROP_MARGIN_RATIO = 0.35
 """Distance beyond the contour, in radii, of the crop in which a sphere is measured."""
 
@@ -118,6 +120,16 @@ class SphereCrop:
             float(np.sqrt(variance[:2].mean())) * self.reduction,
             float(np.sqrt(variance[2])) * self.reduction,
         )
+
+
+def precision_weights(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
+    """Return the shares (S, ...) that spheres have in their mean half vector, by what their fits leave uncertain.
+
+    nz: (S, ...) z components of the half vectors that each shows.
+    """
+    deviations = np.stack([sphere.half_vector_sd(component) for sphere, component in zip(spheres, nz, strict=True)])
+    precision = 1.0 / (deviations**2 + LEAST_HALF_VECTOR_SD**2)
+    return np.asarray(precision / precision.sum(axis=0))
 
 
 def measure_sphere(

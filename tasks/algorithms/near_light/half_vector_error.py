@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, precision_weights
 
 LEAST_DISTANCE_SIZES = 10.0
 """Least distance of a light in sizes of the object, as the guide to photographing recommends it."""
@@ -18,6 +18,8 @@ MEAN_FORESHORTENING = 0.85
 """Mean sine of the angle between an offset in the image and a light of a whole sweep, by which its parallax shrinks."""
 DEPTH_SIZES = 0.25
 """Standard deviation of a surface point's height above the spheres' centres, in sizes of the object."""
+USUAL_NZ = 0.85
+"""Mean n_z of the half vectors of a whole sweep."""
 MEAN_OBLIQUITY = 0.6
 """Mean sine of the angle between view and light over a whole sweep, which turns heights into parallax."""
 
@@ -46,6 +48,18 @@ def combined_error(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.asarray(np.sqrt(sum(np.square(part, dtype=np.float64) for part in parts)), np.float32)
 
 
+def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
+    """Return the error (...), radians per axis, that the spheres' fits leave in their mean half vectors.
+
+    nz: (...) z components of these. Without spheres it is 0.
+    """
+    if not spheres:
+        return np.zeros(np.shape(nz))
+    weights = precision_weights(spheres, np.stack([nz] * len(spheres)))
+    deviations = np.stack([sphere.half_vector_sd(nz) for sphere in spheres])
+    return np.asarray(np.sqrt(((weights * deviations) ** 2).sum(axis=0)))
+
+
 def unknown_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere]) -> np.ndarray:
     """Return the error (H, W), radians per axis, of a light whose distance from a single sphere is not known.
 
@@ -60,7 +74,8 @@ def light_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere], inverse_d
 
     spheres: in pixels of the full frame; at their mean position the direction to the light is right at any distance.
     """
-    x, y = np.mean([(sphere.x, sphere.y) for sphere in spheres], axis=0)
+    weights = precision_weights(spheres, np.full(len(spheres), USUAL_NZ))
+    x, y = weights @ np.array([(sphere.x, sphere.y) for sphere in spheres])
     parallax = MEAN_FORESHORTENING * inverse_distance_sd * np.hypot(pixels.columns - x, pixels.rows - y)
     return _per_axis(parallax)
 

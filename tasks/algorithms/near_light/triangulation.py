@@ -98,8 +98,11 @@ def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
     return Parallax(inverse, error, rotations, span, shared)
 
 
-def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
-    """Estimate a light's inverse distance; None if it is distant, or if the spheres show no parallax."""
+def triangulate(spheres: Sequence[SphereLights], weights: np.ndarray | None = None) -> LightDistance | None:
+    """Estimate a light's inverse distance; None if it is distant, or if the spheres show no parallax.
+
+    weights (S,): shares of the spheres in the mean of their rotations, which shows in no parallax; None: the same.
+    """
     fit = fit_parallax(spheres)
     if (
         fit is None
@@ -124,6 +127,8 @@ def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
         step, _ = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
         inverse, rotations = inverse + step[0], rotations + step[1:].reshape(-1, 2)
     varying = np.interp(np.arange(len(fit.shared)), np.flatnonzero(fit.shared), inverse)
+    if weights is not None:
+        rotations = rotations - weights @ rotations
     return LightDistance(varying, fit.standard_error, varies, rotations)
 
 

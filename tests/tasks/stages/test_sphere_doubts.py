@@ -8,11 +8,12 @@ import pytest
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, Lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
 from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
 from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, circle_of_highlights
 from glint.tasks.algorithms.sphere_checks.given_circle import ConfirmedSphere
 from glint.tasks.stages import sphere_doubts as doubts_module
-from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, spheres_error, sweep_error
+from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, sweep_error
 from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -135,20 +136,29 @@ def test_several_spheres_are_averaged_with_their_inter_sphere_angle() -> None:
     first = find_lights(sphere_frames(LIGHTS), SPHERE)
     off = Sphere(SPHERE.x + 0.02 * SPHERE.radius, SPHERE.y, SPHERE.radius)
     second = find_lights(sphere_frames(LIGHTS), off)
-    merged = merge_spheres([first, second])
+    merged = merge_spheres([first, second], [SPHERE, SPHERE])
     median, worst = inter_sphere_angles(merged)
     assert 0.3 < median < 1.0 and worst < 2.0
     assert merged.accepted.sum() == (first.accepted | second.accepted).sum()
     assert np.nanmax(angles(merged.half_vectors, first.half_vectors)) < 1.5
-    assert merge_spheres([first]) is first
+    assert merge_spheres([first], [SPHERE]) is first
     with pytest.raises(ValueError):
-        merge_spheres([])
+        merge_spheres([], [])
+
+
+def test_a_sphere_that_is_badly_known_hardly_counts_beside_a_good_one() -> None:
+    off = replace(SPHERE, x=SPHERE.x + 0.06 * SPHERE.radius, centre_sd=0.06 * SPHERE.radius)
+    good, bad = (find_lights(sphere_frames(LIGHTS), sphere) for sphere in (SPHERE, off))
+    merged = merge_spheres([bad, good], [off, SPHERE])
+    assert inter_sphere_angles(merged)[0] == inter_sphere_angles(merge_spheres([bad, good], [SPHERE, SPHERE]))[0]
+    assert np.nanmax(angles(merged.half_vectors, good.half_vectors)) < 0.3
+    assert np.nanmedian(angles(bad.half_vectors, good.half_vectors)) > 3.0
 
 
 def test_spheres_that_contradict_each_other_reject_the_frame() -> None:
     first = find_lights(sphere_frames(LIGHTS), SPHERE)
     second = find_lights(sphere_frames(LIGHTS[::-1]), SPHERE)
-    merged = merge_spheres([first, second])
+    merged = merge_spheres([first, second], [SPHERE, SPHERE])
     assert (merged.reason == AMBIGUOUS).sum() > len(LIGHTS) // 2
     assert np.isnan(merged.half_vectors[merged.reason == AMBIGUOUS]).all()
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
@@ -7,6 +9,7 @@ from glint.tasks.algorithms.near_light.half_vector_error import (
     combined_error,
     depth_error,
     light_distance_error,
+    spheres_error,
     unknown_camera_error,
     unknown_distance_error,
 )
@@ -45,6 +48,16 @@ def test_a_better_known_distance_costs_less() -> None:
 def test_the_distance_costs_nothing_at_the_spheres() -> None:
     pair = [Sphere(100.0, 110.0, 30.0), Sphere(300.0, 110.0, 30.0)]
     assert light_distance_error(PIXELS, pair, 1e-3)[60, 100] < 1e-9
+
+
+def test_a_sphere_that_is_badly_known_costs_nothing_beside_a_good_one() -> None:
+    good, bad = replace(SPHERE, centre_sd=0.3, radius_sd=0.3), replace(SPHERE, x=160.0, centre_sd=3.0, radius_sd=3.0)
+    nz = np.array([1.0, 0.8])
+    of_good, of_bad, of_both = (spheres_error(spheres, nz) for spheres in ([good], [bad], [bad, good]))
+    assert (of_both < 1.1 * of_good).all() and (of_good < 0.2 * of_bad).all()
+    assert np.allclose(spheres_error([good, good], nz), of_good / np.sqrt(2.0))
+    distance = light_distance_error(PIXELS, [bad, good], 1e-3)
+    assert np.unravel_index(distance.argmin(), distance.shape)[1] == 199
 
 
 def test_heights_cost_more_under_a_nearer_light() -> None:

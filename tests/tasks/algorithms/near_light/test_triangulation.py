@@ -61,11 +61,12 @@ def test_errors_of_the_spheres_centres_are_measured_with_it() -> None:
         SphereLights.of(shifted(sphere_normals(positions, LEFT), *shift), LEFT, MIDDLE, None),
         SphereLights.of(sphere_normals(positions, RIGHT), RIGHT, MIDDLE, None),
     ]
-    found = triangulate(pair)
-    assert found is not None
+    found, by_right = triangulate(pair), triangulate(pair, np.array([0.0, 1.0]))
+    assert found is not None and by_right is not None
     assert np.abs(found.inverse_distance * 3000.0 - 1).max() < 0.05
     assert np.allclose(found.rotations[0] - found.rotations[1], shift, atol=5e-4)
     assert np.allclose(found.rotations.sum(axis=0), 0.0, atol=1e-6)
+    assert np.allclose(by_right.rotations, np.stack([shift, np.zeros(2)]), atol=5e-4)
 
 
 def test_spheres_agree_at_the_reference_point() -> None:
