@@ -4,8 +4,8 @@ import numpy as np
 
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.geometry.distance import inradius_of
+from glint.tasks.algorithms.mask_checks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from glint.tasks.algorithms.masks.mask import beside_spheres
-from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from glint.tasks.algorithms.masks.mask_regions import object_sizes
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs

@@ -1,11 +1,13 @@
 """Estimated masks against the true ones: overlap, distance of the contours, warnings; and masks that are wrong.
 
-    python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR] [--vessels ROUNDS | CATALOGUE ..]
+    python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR]
+        [--vessels ROUNDS | --tables FIRST-LAST | CATALOGUE ..]
 
 Without a catalogue it simulates the presets in full size and length (--quick: half the size, 500 frames) and takes the
 shared captures too, where they are there. --vessels simulates glasses and mugs instead, so many of each shape, whose
-options (camera, light, noise, size) follow from the seed; their mean overlap comes last. Captures are surveyed without
-mask and region, with the spheres given.
+options (camera, light, noise, size) follow from the seed; their mean overlap comes last. --tables takes the scenes of
+`table_scenes`, objects and spheres on tables with their shadows and caustics. Captures are surveyed without mask and
+region, with the spheres given.
 """
 
 import argparse
@@ -19,8 +21,8 @@ from scipy import ndimage
 from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.mask_checks.mask_doubt import mask_objections
 from glint.tasks.algorithms.masks.mask import beside_spheres
-from glint.tasks.algorithms.masks.mask_doubt import mask_objections
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
@@ -30,6 +32,8 @@ from glint.tasks.simulation.simulate import PRESETS, CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.levels import load_levels
 from tests.benchmarks.random_captures import random_capture
+from tests.benchmarks.simulated_captures import simulated_once
+from tests.benchmarks.table_scenes import SHAPES, scene_options
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
 WRONG_BY_PX = 3
@@ -120,6 +124,15 @@ def vessels(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContex
         yield CaptureContext(str(folder / "store"), f"{shape}-{options.seed + number}", capture, Parameters())
 
 
+def tables(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContext]:
+    """Yield captures of objects on tables."""
+    first, last = (int(number) for number in options.tables.split("-"))
+    for number in range(first, last + 1):
+        shape = SHAPES[number % len(SHAPES)]
+        capture = simulated_once(shape, folder / f"{number}", scene_options(number))
+        yield CaptureContext(str(folder / "store"), f"{shape}-{number}", capture, Parameters())
+
+
 def main() -> None:
     """Print a row per capture as it is measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -127,6 +140,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--vessels", type=int, default=0, metavar="ROUNDS")
+    parser.add_argument("--tables", metavar="FIRST-LAST")
     parser.add_argument("--folder", type=Path, help="folder for captures and store; a temporary one by default")
     options = parser.parse_args()
     print("| capture | IoU | contour, mean px | warned | true mask | 3 px larger | 3 px smaller |")
@@ -134,7 +148,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
         overlaps = []
-        for work in vessels(folder, options) if options.vessels else captures(folder, options):
+        source = tables if options.tables else vessels if options.vessels else captures
+        for work in source(folder, options):
             try:
                 line, overlap = measure(work)
             except UnusableCapture as error:

@@ -18,7 +18,7 @@ TEXTURE_QUANTILE, MIN_SLOPE = 0.8, 0.01
 NORMAL_SIGMA_PX = 1.5
 """Standard deviation of the smoothing of a mask from which the contour's normals are taken."""
 MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
-"""Mean edge along a contour farther out, in edges of the table and relative to the contour that it replaces; area."""
+"""Mean edge along a contour, in edges of the table and relative to the one that it replaces; area of a piece."""
 CLEAR_OUTER_EDGE, MIN_CLEAR_RATIO = 1.6, 0.7
 """The same two of a contour that is a clear edge by itself, where the one that it replaces may be stronger."""
 MAX_WALL_EDGE = 3.0

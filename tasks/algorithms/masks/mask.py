@@ -1,52 +1,39 @@
 """Object mask of a bare video: where pixels do not follow the light as the table does.
 
 Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut separates object and table
-(`table_separation`), and a second one moves the contour to the edges of the background and of the response nearby.
-Walls of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
-stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is, and to
-that which both sides of a vessel show (`symmetric_walls`); and in from the blur of highlights at the rim. A round foot
-is added, of which only the rim differs from the table (`round_foot`), and the opening of a handle taken away
-(`mask_regions`).
+(`table_separation`), and a second one moves the contour to the edges nearby (`outline`). Both are repeated with what a
+pixel shows under the lights of its own side of the object (`unshadowed_response`): what is the bare table then was a
+shadow of the object, or its caustics, unless its contour is an edge of the picture.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.grid_cut import Links, grid_cut, links
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.masks.contour_edges import edge_image, stronger_pieces, without_blur
-from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
-from glint.tasks.algorithms.masks.mask_regions import (
-    CLOSE_SHARE,
-    closed,
-    filled,
-    handle_openings,
-    large_components,
-    thick_components,
-)
-from glint.tasks.algorithms.masks.round_foot import round_foot
-from glint.tasks.algorithms.masks.symmetric_walls import evident_axis, with_symmetric_walls
+from glint.tasks.algorithms.masks.contour_edges import MIN_EDGE_RATIO, edge_image, pieces_beside, slope_across
+from glint.tasks.algorithms.masks.light_sectors import sectors_of
+from glint.tasks.algorithms.masks.mask_regions import large_components
+from glint.tasks.algorithms.masks.outline import refined_mask, wall_images
 from glint.tasks.algorithms.masks.table_response import TableResponse, table_response
 from glint.tasks.algorithms.masks.table_separation import Separation, separate
+from glint.tasks.algorithms.masks.unshadowed_response import unshadowed_response
 
 EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
-CLOSED_CONTOUR_SHARE = 0.02
-"""Gaps of the contour that the second cut takes as closed, as a share of the edge of a square of the object's area."""
-MAX_OUTWARD_SHARE, MAX_INWARD_SHARE = 0.06, 0.03
-"""Farthest that the second cut moves the contour, likewise."""
-OUTWARD_BONUS = 0.2
-"""Nats by which a pixel is preferred inside where a contour farther out is looked for."""
-MAX_WALL_SHARE, WALL_ROUNDS = 0.18, 2
-"""Farthest that the outer face of a wall is looked for, as a share of that edge, and the times it is."""
-RESPONSE_WEIGHT = 0.03
-"""Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
-MIN_FOOT_DEPTH_PX = 1.5
-"""Depth of a part of a foot from which the cut may not leave it out."""
-OUTWARD_ROUNDS = 2
-"""Times that a contour farther out is looked for."""
+MIN_KNOWN_LIGHTS, UNSHADOWED_ROUNDS = 60, 2
+"""Frames of known lights from which those that pass the object are enough, and times that its outline chooses them."""
+MARGIN_SHARE, MIN_MARGIN_PX = 0.5, 30
+"""Margin about the object in which shadows are looked for, as a share of the edge of a square of the object's area and
+in pixels: it holds the table that the object is compared with."""
+SHADOW_CUTS = (0.1, 1.0), (0.03, 0.5)
+"""Nats by which a pixel is preferred inside where a contour within a shadow is looked for, as that contour is shorter,
+and the edge, in those of the table's texture, below which the contour outside may be a shadow's."""
+MIN_SHADOW_SHARE = 0.3
+"""Share of a shadow's pixels that differ from the table, but not under the lights that pass the object."""
 
 
 def estimate_mask(
@@ -69,9 +56,81 @@ def estimate_mask(
     allowed = free if within is None else free & within
     response = table_response(frames, free)
     parts = separate(response, free, allowed)
-    mask = _with_foot(_with_contour(parts, response, free, allowed), parts, response, free, allowed)
-    axis = evident_axis(mask, _wall_images(parts, response.background))
-    return mask if axis is None else mask & ~handle_openings(mask, parts.ratios < 0.0, axis)
+    mask = refined_mask(parts, response, free, allowed)
+    sectors = sectors_of(frames, spheres)
+    if (sectors >= 0).sum() < MIN_KNOWN_LIGHTS or not mask.any():
+        return mask
+    window = rows, columns = _around(mask)
+    lines, *responses = (image[window] for image in wall_images(parts, response.background))
+    brightness = edge_image(response.background, parts.is_table)[window]
+    near, sample = response.within(window, parts.is_table), frames[:, rows, columns]
+    try:
+        bare, unshadowed = _unshadowed(mask[window], near, sample, sectors, free[window], allowed[window])
+    except UnusableCapture:
+        return mask
+    capacities = links([brightness, lines, *responses, *bare.responses], 1.0)
+    is_shadow = (parts.ratios[window] > 0.0) & (bare.ratios < 0.0)
+    result = np.zeros_like(mask)
+    result[window] = _without_shadows(mask[window], unshadowed, is_shadow, capacities, lines)
+    return result
+
+
+def _unshadowed(
+    mask: np.ndarray,
+    response: TableResponse,
+    frames: np.ndarray,
+    sectors: np.ndarray,
+    free: np.ndarray,
+    allowed: np.ndarray,
+) -> tuple[Separation, np.ndarray]:
+    """Return the separation of object and table by the lights that pass the object, and its mask (H, W) bool.
+
+    mask: (H, W) bool, by all lights. response, free, allowed: see `separate`. frames, sectors: see
+    `unshadowed_response`.
+
+    Raises:
+        UnusableCapture: as `separate`.
+    """
+    for _ in range(UNSHADOWED_ROUNDS):
+        unshadowed = unshadowed_response(response, frames, sectors, mask)
+        parts = separate(unshadowed, free, allowed)
+        mask = parts.filled
+    return parts, refined_mask(parts, unshadowed, free, allowed)
+
+
+def _without_shadows(
+    mask: np.ndarray, unshadowed: np.ndarray, is_shadow: np.ndarray, capacities: Links, lines: np.ndarray
+) -> np.ndarray:
+    """Return a mask (H, W) bool without the pieces that are shadows or caustics of the table.
+
+    A clear wall on the side where no light stood is like the unshadowed table too. But its outer contour is an edge of
+    the background, and what would replace it is none.
+
+    Args:
+        mask: (H, W) bool, by all lights; unshadowed: (H, W) bool, by those that pass the object.
+        is_shadow: (H, W) bool, pixels that differ from the table under all lights, and not under those.
+        capacities: of links between pixels, small where the contour may be.
+        lines: (H, W), sharp image of the background, see `edge_image`.
+    """
+    inside = mask & ndimage.binary_fill_holes(mask & unshadowed)
+    for bonus, max_edge in SHADOW_CUTS:
+        inner = mask & grid_cut(np.full(mask.shape, bonus), capacities, inside, ~mask)
+        mask = large_components(mask & ~_shadow_pieces(inner, mask, is_shadow, lines, max_edge))
+    return mask
+
+
+def _shadow_pieces(
+    inner: np.ndarray, mask: np.ndarray, is_shadow: np.ndarray, lines: np.ndarray, max_edge: float
+) -> np.ndarray:
+    """Return the pieces (H, W) bool of a mask beside an inner one that are shadows, with a weaker edge outside."""
+    outer_slope, inner_slope = (slope_across(lines, area) for area in (mask, inner))
+    result = np.zeros_like(mask)
+    for grown, piece, new, old in pieces_beside(inner, mask, mask & ~inner):
+        strength, replacement = float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
+        is_weaker = strength < max_edge and replacement > MIN_EDGE_RATIO * strength
+        if is_weaker and is_shadow[grown][piece].mean() > MIN_SHADOW_SHARE:
+            result[grown] |= piece
+    return result
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -83,69 +142,11 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     return free
 
 
-def _with_contour(parts: Separation, response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) bool with its contour at the edges nearby, without blur; see `separate`."""
-    mask = _at_edges(parts, response.background, allowed)
-    return without_blur(mask, np.exp(response.deviation), free)
-
-
-def _with_foot(
-    mask: np.ndarray, parts: Separation, response: TableResponse, free: np.ndarray, allowed: np.ndarray
-) -> np.ndarray:
-    """Return the mask (H, W) bool with the round foot of a vessel, its contour at the edges nearby; see `separate`."""
-    foot = allowed & round_foot(mask, response.background, parts.features[..., 1], parts.is_table)
-    if not thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX).any():
-        return mask
-    parts = replace(
-        parts,
-        differing=parts.differing | foot,
-        filled=parts.filled | foot,
-        is_table=parts.is_table & ~foot,
+def _around(mask: np.ndarray) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask (H, W) bool and the margin about it."""
+    margin = max(MIN_MARGIN_PX, round(MARGIN_SHARE * float(np.sqrt(mask.sum()))))
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return (
+        slice(max(0, rows[0] - margin), rows[-1] + 1 + margin),
+        slice(max(0, columns[0] - margin), columns[-1] + 1 + margin),
     )
-    mask = _with_contour(parts, response, free, allowed)
-    # A far rim may be too weak for the cut. Whether a rim is a pixel wider or narrower is left to it.
-    return mask | thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX)
-
-
-def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) bool with its contour moved to the edges nearby; see `separate`."""
-    edge = float(np.sqrt(parts.differing.sum()))
-    lines, *responses = _wall_images(parts, background)
-    brightness = edge_image(background, parts.is_table)
-    edges, walls = (links([image, *responses], 1.0) for image in (brightness, lines))
-
-    def cut(inside: np.ndarray, start: np.ndarray, max_share: float, capacities: Links, bonus: float) -> np.ndarray:
-        """Return the object, which holds `inside` and reaches at most a share of the edge beyond `start`."""
-        distance = ndimage.distance_transform_edt(~start)
-        outside = (distance > max(2, round(max_share * edge))) | ~allowed
-        ratios = RESPONSE_WEIGHT * parts.ratios + bonus
-        return large_components(grid_cut(ratios, capacities, inside, outside) & allowed)
-
-    inside, start = _certain(parts, edge), parts.filled
-    mask = cut(inside, start, MAX_OUTWARD_SHARE, edges, 0.0)
-    # Where an edge farther out is stronger than the one found, the contour moves out to it.
-    for _ in range(OUTWARD_ROUNDS):
-        outer = cut(inside, start, MAX_OUTWARD_SHARE, edges, OUTWARD_BONUS)
-        mask = mask | stronger_pieces(mask, outer, brightness)
-        inside, start = inside | mask, mask
-    # A clear line still farther out is the outer face of a wall.
-    for _ in range(WALL_ROUNDS):
-        outer = mask | cut(mask, mask, MAX_WALL_SHARE, walls, OUTWARD_BONUS)
-        mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
-    return with_symmetric_walls(mask, [lines, *responses], RESPONSE_WEIGHT * parts.difference, parts.is_table, allowed)
-
-
-def _certain(parts: Separation, edge: float) -> np.ndarray:
-    """Return the pixels (H, W) bool that are of the object wherever its contour lies.
-
-    edge: of a square of the object's area, pixels.
-    """
-    # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
-    holes = parts.filled & ~closed(parts.differing, CLOSE_SHARE * edge)
-    solid = filled(closed(parts.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | parts.bridged
-    return np.asarray(ndimage.distance_transform_edt(solid) > max(2, round(MAX_INWARD_SHARE * edge)))
-
-
-def _wall_images(parts: Separation, background: np.ndarray) -> list[np.ndarray]:
-    """Return the images (H, W) whose edges show walls: the sharp one of the background, and both responses."""
-    return [edge_image(background, parts.is_table, is_sharp=True), *parts.responses]

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.grid_cut import Links, grid_cut, links
 from glint.tasks.algorithms.masks.contour_edges import pieces_beside, slope_across
-from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
 from glint.tasks.algorithms.masks.mask_regions import thick_components
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_axes, mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import MAX_SCORED_PIXELS, refined_place

@@ -6,7 +6,7 @@ frame's border; low-dimensional illumination of matt surfaces: Basri and Jacobs 
 highlights flash for a few frames, and what it refracts and reflects is lit otherwise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,17 +20,44 @@ BORDER_SAMPLES = 1500
 """Pixels of the border whose time series are decomposed."""
 FRAMES_PER_BLOCK = 16
 """Frames that are held as floating-point numbers at once."""
+LEAST_RESIDUAL, LEAST_FLASH = 0.2, 0.5
+"""Levels below which residuals and flashes count as that large: rounding hides smaller ones."""
 FLASH_SIGMA_PX = 3.0
 """Standard deviation of the blur against which a flash stands out: wider than a highlight, narrower than a shadow."""
 
 
 @dataclass(frozen=True, slots=True)
+class TableNoise:
+    """What residuals of the table amount to: the squares of a constant, and of a share of the brightness.
+
+    least: of a residual, levels: rounding hides smaller ones.
+    """
+
+    constant: float
+    share: float
+    least: float
+
+    @classmethod
+    def of(cls, values: np.ndarray, level: np.ndarray, border: np.ndarray, least: float) -> "TableNoise":
+        """Fit residuals (H, W) of the table, border (H, W) bool, by its brightness (H, W)."""
+        terms = np.column_stack([np.ones(int(border.sum())), level[border] ** 2])
+        (constant, share), _ = optimize.nnls(terms, values[border].astype(float) ** 2)
+        return cls(float(constant), float(share), least)
+
+    def log_ratio(self, values: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Return the log ratio (...) float32 of residuals (...) to those of the table at the same brightness (...)."""
+        expected = np.sqrt(np.maximum(self.constant + self.share * level**2, 1e-3))
+        return np.asarray(np.log(np.maximum(values, self.least) / expected), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
 class TableResponse:
-    """Deviation of N pixels' time series from the table's.
+    """Deviation of pixels' time series from the table's.
 
     deviation: (H, W), log ratio of the RMS residual to that of the table at the same brightness. flash: (H, W), log
     ratio of the second largest flash to the table's. moment: (H, W) int, number of the frame with the largest flash.
-    background: (H, W) temporal median, 0 to 255. border: (H, W) bool, pixels that were taken as the table.
+    background: (H, W) temporal median, 0 to 255. border: (H, W) bool, pixels that are taken as the table. basis:
+    (T, k) float32, orthonormal time series of the table. noise, flash_noise: of its residuals and flashes.
     """
 
     deviation: np.ndarray
@@ -38,6 +65,20 @@ class TableResponse:
     moment: np.ndarray
     background: np.ndarray
     border: np.ndarray
+    basis: np.ndarray
+    noise: TableNoise
+    flash_noise: TableNoise
+
+    def within(self, window: tuple[slice, slice], is_table: np.ndarray) -> "TableResponse":
+        """Return the response in a window of the picture, whose table are the pixels (H, W) bool of the picture."""
+        return replace(
+            self,
+            deviation=self.deviation[window],
+            flash=self.flash[window],
+            moment=self.moment[window],
+            background=self.background[window],
+            border=is_table[window],
+        )
 
 
 def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
@@ -64,15 +105,25 @@ def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
             np.maximum(second, np.minimum(largest, flash), out=second)
             moment[flash > largest] = number
             np.maximum(largest, flash, out=largest)
-    level = np.abs(amplitudes[0].reshape(height, width)) * float(np.abs(basis[:, 0]).mean())
+    level = brightness(amplitudes[0].reshape(height, width), basis)
     residual = np.sqrt(square / count)
+    noise = TableNoise.of(residual, level, border, LEAST_RESIDUAL)
+    flash_noise = TableNoise.of(second, level, border, LEAST_FLASH)
     return TableResponse(
-        np.log(np.maximum(residual, 0.2) / _expected(residual, level, border)),
-        np.log(np.maximum(second, 0.5) / _expected(second, level, border)),
+        noise.log_ratio(residual, level),
+        flash_noise.log_ratio(second, level),
         moment,
         _median(frames),
         border,
+        basis,
+        noise,
+        flash_noise,
     )
+
+
+def brightness(amplitudes: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return the brightness (...) of pixels, levels, by their amplitudes (...) of the first time series of (T, k)."""
+    return np.asarray(np.abs(amplitudes) * float(np.abs(basis[:, 0]).mean()))
 
 
 def _border(shape: tuple[int, int]) -> np.ndarray:
@@ -89,13 +140,6 @@ def _border_basis(frames: np.ndarray, border: np.ndarray) -> np.ndarray:
     series = frames[:, rows[::step], columns[::step]].astype(np.float32)
     vectors = np.linalg.svd(series / (series.mean(axis=0) + 1.0), full_matrices=False)[0]
     return np.asarray(vectors[:, : max(1, min(COMPONENTS, len(frames) // 4))], np.float32)
-
-
-def _expected(values: np.ndarray, level: np.ndarray, border: np.ndarray) -> np.ndarray:
-    """Return the table's RMS of `values` (H, W) at each pixel's brightness: noise, and a share of the brightness."""
-    terms = np.column_stack([np.ones(int(border.sum())), level[border] ** 2])
-    (noise, share), _ = optimize.nnls(terms, values[border].astype(float) ** 2)
-    return np.asarray(np.sqrt(np.maximum(noise + share * level**2, 1e-3)), np.float32)
 
 
 def _median(frames: np.ndarray) -> np.ndarray:

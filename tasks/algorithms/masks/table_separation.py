@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.convex_hull import convex_hull
-from glint.tasks.algorithms.masks.grid_cut import grid_cut, links
+from glint.tasks.algorithms.geometry.grid_cut import grid_cut, links
 from glint.tasks.algorithms.masks.mask_regions import CLOSE_SHARE, bridged, filled, main_components, without_specks
 from glint.tasks.algorithms.masks.table_model import TableModel, fit_table
 from glint.tasks.algorithms.masks.table_response import TableResponse

@@ -12,6 +12,8 @@ import numpy as np
 
 CENTRE, OUTER, INNER = (90.0, 90.0), 62.0, 26.0
 LAMP_RADIUS, LAMP_FRAMES = 18.0, 12
+CAST_PX = 16.0
+"""Distance at which a shadow falls from what casts it."""
 LINE_DEPTH = 0.4
 """Share of the light that the outer face of a wall takes."""
 
@@ -31,6 +33,7 @@ def draw_glass(
     height: int = 180,
     inner: float = INNER,
     shadow: float = 0.1,
+    cast: float = 0.0,
     blur: float = 0.0,
     wall: float = 0.0,
     lamp: float | None = None,
@@ -38,9 +41,9 @@ def draw_glass(
 ) -> GlassScene:
     """Draw the scene.
 
-    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard deviation
-    in pixels of the optics' blur; wall: width in pixels of a clear wall around the ring; lamp: x of a lamp that passes
-    from top to bottom, None for none.
+    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; cast: depth of the whole
+    disc's shadow, which falls away from the light; blur: standard deviation in pixels of the optics' blur; wall: width
+    in pixels of a clear wall around the ring; lamp: x of a lamp that passes from top to bottom, None for none.
     """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))
@@ -54,7 +57,8 @@ def draw_glass(
     for number, time in enumerate(np.linspace(0.0, 1.0, frames, endpoint=False)):
         turn, light = 2.0 * np.pi * 9.0 * time, 0.75 + 0.25 * np.cos(2.0 * np.pi * 2.0 * time)
         shade = 1.0 - shadow * np.exp(-(((distance - OUTER) / 25.0) ** 2)) * np.clip(np.cos(angle - turn), 0, 1)
-        picture = table * light * shade
+        far = np.hypot(columns - CENTRE[0] + CAST_PX * np.cos(turn), rows - CENTRE[1] + CAST_PX * np.sin(turn))
+        picture = table * light * shade * (1.0 - cast * np.clip(OUTER + 0.5 - far, 0, 1))
         glass = 0.5 * refracted * (0.6 + 0.4 * np.sin(2.0 * np.pi * 3.0 * time)) + 20.0
         # The flash runs around while it moves from the hole to the contour and back.
         radius = inner + (OUTER - inner) * abs(1.0 - 2.0 * time)

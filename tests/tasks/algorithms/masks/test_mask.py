@@ -7,6 +7,7 @@ import pytest
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.masks import mask as mask_module
 from glint.tasks.algorithms.masks.contour_edges import rim_offset, signed_distance
 from glint.tasks.algorithms.masks.mask import estimate_mask
 from tests.tasks.algorithms.masks.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
@@ -117,3 +118,14 @@ def test_a_table_alone_is_refused(ring: GlassScene) -> None:
         estimate_mask(frames)
     with pytest.raises(ValueError, match="uint8"):
         estimate_mask(ring.frames[0])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_shadow_that_falls_away_from_the_light_is_no_part_of_the_object(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    scene = draw_glass(inner=0.0, cast=0.2, seed=seed)
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.95
+    # Without known lights it is taken for the object.
+    monkeypatch.setattr(mask_module, "sectors_of", lambda frames, spheres: np.full(len(frames), -1))
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) < 0.9

@@ -16,8 +16,8 @@ from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.contours import outermost_pixels
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.mask_checks.contour_offset import ContourEvidence, continued_beyond, misplacement
 from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
-from glint.tasks.algorithms.masks.contour_offset import ContourEvidence, continued_beyond, misplacement
 from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5

@@ -6,8 +6,8 @@ import pytest
 from scipy import ndimage
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.mask_checks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from glint.tasks.algorithms.masks.contour_edges import signed_distance
-from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from tests.tasks.algorithms.masks.glass_on_table import GlassScene, draw_glass
 
 
