@@ -23,7 +23,7 @@ FREE_PX = 1.0
 
 
 def sectors_of(frames: np.ndarray, spheres: Sequence[Sphere]) -> np.ndarray:
-    """Return the sector (T,) int, 0 to LIGHT_SECTORS - 1, of the light in frames (T, H, W) uint8; -1 where it is unknown.
+    """Return the sector (T,) int of the light in frames (T, H, W) uint8, 0 to LIGHT_SECTORS - 1; -1: unknown.
 
     spheres: chrome spheres in these pixels; the one that shows the light most often counts.
     """
