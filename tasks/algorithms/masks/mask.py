@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.grid_cut import Links, grid_cut, links
+from glint.tasks.algorithms.geometry.grid_cut import grid_cut, links
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import MIN_EDGE_RATIO, edge_image, pieces_beside, slope_across
 from glint.tasks.algorithms.masks.light_sectors import sectors_of
@@ -26,9 +26,9 @@ EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MIN_KNOWN_LIGHTS, UNSHADOWED_ROUNDS = 60, 2
 """Frames of known lights from which those that pass the object are enough, and times that its outline chooses them."""
-MARGIN_SHARE, MIN_MARGIN_PX = 0.5, 30
-"""Margin about the object in which shadows are looked for, as a share of the edge of a square of the object's area and
-in pixels: it holds the table that the object is compared with."""
+WINDOW_MARGIN_SHARE = 0.2
+"""Margin about the object and the table around it beyond which nothing is looked at, as a share of the edge of a square
+of the object's area: for walls and feet, and for what is smoothed."""
 SHADOW_CUTS = (0.1, 1.0), (0.03, 0.5)
 """Nats by which a pixel is preferred inside where a contour within a shadow is looked for, as that contour is shorter,
 and the edge, in those of the table's texture, below which the contour outside may be a shadow's."""
@@ -56,63 +56,48 @@ def estimate_mask(
     allowed = free if within is None else free & within
     response = table_response(frames, free)
     parts = separate(response, free, allowed)
+    result, window = np.zeros_like(free), _around(parts)
+    response = response.within(window, parts.is_table)
+    parts, free, allowed = parts.within(window), free[window], allowed[window]
     mask = refined_mask(parts, response, free, allowed)
     sectors = sectors_of(frames, spheres)
-    if (sectors >= 0).sum() < MIN_KNOWN_LIGHTS or not mask.any():
-        return mask
-    window = rows, columns = _around(mask)
-    lines, *responses = (image[window] for image in wall_images(parts, response.background))
-    brightness = edge_image(response.background, parts.is_table)[window]
-    near, sample = response.within(window, parts.is_table), frames[:, rows, columns]
-    try:
-        bare, unshadowed = _unshadowed(mask[window], near, sample, sectors, free[window], allowed[window])
-    except UnusableCapture:
-        return mask
-    capacities = links([brightness, lines, *responses, *bare.responses], 1.0)
-    is_shadow = (parts.ratios[window] > 0.0) & (bare.ratios < 0.0)
-    result = np.zeros_like(mask)
-    result[window] = _without_shadows(mask[window], unshadowed, is_shadow, capacities, lines)
+    if (sectors >= 0).sum() >= MIN_KNOWN_LIGHTS:
+        mask = _without_shadows(mask, parts, response, frames[:, *window], sectors, free, allowed)
+    result[window] = mask
     return result
 
 
-def _unshadowed(
+def _without_shadows(
     mask: np.ndarray,
+    parts: Separation,
     response: TableResponse,
     frames: np.ndarray,
     sectors: np.ndarray,
     free: np.ndarray,
     allowed: np.ndarray,
-) -> tuple[Separation, np.ndarray]:
-    """Return the separation of object and table by the lights that pass the object, and its mask (H, W) bool.
-
-    mask: (H, W) bool, by all lights. response, free, allowed: see `separate`. frames, sectors: see
-    `unshadowed_response`.
-
-    Raises:
-        UnusableCapture: as `separate`.
-    """
-    for _ in range(UNSHADOWED_ROUNDS):
-        unshadowed = unshadowed_response(response, frames, sectors, mask)
-        parts = separate(unshadowed, free, allowed)
-        mask = parts.filled
-    return parts, refined_mask(parts, unshadowed, free, allowed)
-
-
-def _without_shadows(
-    mask: np.ndarray, unshadowed: np.ndarray, is_shadow: np.ndarray, capacities: Links, lines: np.ndarray
 ) -> np.ndarray:
     """Return a mask (H, W) bool without the pieces that are shadows or caustics of the table.
 
     A clear wall on the side where no light stood is like the unshadowed table too. But its outer contour is an edge of
     the background, and what would replace it is none.
 
-    Args:
-        mask: (H, W) bool, by all lights; unshadowed: (H, W) bool, by those that pass the object.
-        is_shadow: (H, W) bool, pixels that differ from the table under all lights, and not under those.
-        capacities: of links between pixels, small where the contour may be.
-        lines: (H, W), sharp image of the background, see `edge_image`.
+    parts: the separation by all lights. response, free, allowed: see `separate`. frames, sectors: see
+    `unshadowed_response`.
     """
-    inside = mask & ndimage.binary_fill_holes(mask & unshadowed)
+    outline = mask
+    try:
+        for _ in range(UNSHADOWED_ROUNDS):
+            unshadowed = unshadowed_response(response, frames, sectors, outline)
+            bare = separate(unshadowed, free, allowed)
+            outline = bare.filled
+        outline = refined_mask(bare, unshadowed, free, allowed)
+    except UnusableCapture:
+        return mask
+    inside = mask & ndimage.binary_fill_holes(mask & outline)
+    is_shadow = (parts.ratios > 0.0) & (bare.ratios < 0.0)
+    lines, *responses = wall_images(parts, response.background)
+    brightness = edge_image(response.background, parts.is_table)
+    capacities = links([brightness, lines, *responses, *bare.responses], 1.0)
     for bonus, max_edge in SHADOW_CUTS:
         inner = mask & grid_cut(np.full(mask.shape, bonus), capacities, inside, ~mask)
         mask = large_components(mask & ~_shadow_pieces(inner, mask, is_shadow, lines, max_edge))
@@ -142,10 +127,11 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     return free
 
 
-def _around(mask: np.ndarray) -> tuple[slice, slice]:
-    """Return the rows and columns of a mask (H, W) bool and the margin about it."""
-    margin = max(MIN_MARGIN_PX, round(MARGIN_SHARE * float(np.sqrt(mask.sum()))))
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+def _around(parts: Separation) -> tuple[slice, slice]:
+    """Return the rows and columns of a separated object, of the table around it and of a margin."""
+    shown = parts.filled | parts.is_table
+    margin = round(WINDOW_MARGIN_SHARE * float(np.sqrt(parts.filled.sum())))
+    rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
     return (
         slice(max(0, rows[0] - margin), rows[-1] + 1 + margin),
         slice(max(0, columns[0] - margin), columns[-1] + 1 + margin),

@@ -4,7 +4,7 @@ Shadow and caustics of the object change the table's response smoothly around it
 (normalised convolution: Knutsson and Westin 1993).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -45,6 +45,10 @@ class TableModel:
     variance: np.ndarray
     flash_limit: float
     area_limit: float
+
+    def within(self, window: tuple[slice, slice]) -> "TableModel":
+        """Return the model in a window of the picture."""
+        return replace(self, mean=self.mean[window], variance=self.variance[window])
 
     def distance(self, features: np.ndarray) -> np.ndarray:
         """Return the squared Mahalanobis distance (H, W) of log responses (H, W, 2) from the table."""

@@ -4,7 +4,7 @@ A graph cut separates the pixels whose response differs from that of the table a
 table is follows from the object, and so on. Holes and gaps that are glass are filled (`mask_regions`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -60,6 +60,11 @@ class Separation:
     ratios: np.ndarray
     is_table: np.ndarray
     table: TableModel
+
+    def within(self, window: tuple[slice, slice]) -> "Separation":
+        """Return the separation in a window of the picture."""
+        arrays = ("differing", "filled", "bridged", "features", "ratios", "is_table")
+        return replace(self, table=self.table.within(window), **{name: getattr(self, name)[window] for name in arrays})
 
     @property
     def difference(self) -> np.ndarray:

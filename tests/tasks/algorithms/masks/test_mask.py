@@ -124,8 +124,8 @@ def test_a_table_alone_is_refused(ring: GlassScene) -> None:
 def test_a_shadow_that_falls_away_from_the_light_is_no_part_of_the_object(
     monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    scene = draw_glass(inner=0.0, cast=0.2, seed=seed)
-    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.95
+    scene = draw_glass(inner=0.0, cast=0.25, seed=seed)
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.92
     # Without known lights it is taken for the object.
     monkeypatch.setattr(mask_module, "sectors_of", lambda frames, spheres: np.full(len(frames), -1))
-    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) < 0.9
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) < 0.7
