@@ -50,6 +50,26 @@ class TableNoise:
         return np.asarray(np.log(np.maximum(values, self.least) / expected), np.float32)
 
 
+class LargestFlashes:
+    """The largest flashes of pixels so far.
+
+    second: (H, W) float32, the second largest, levels, since a single noisy frame does not count. moment: (H, W) int32,
+    number of the frame with the largest.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        """Begin with no flash, in a picture of a shape (H, W)."""
+        self._largest = np.zeros(shape, np.float32)
+        self.second, self.moment = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
+
+    def add(self, residual: np.ndarray, number: int, used: np.ndarray | bool = True) -> None:
+        """Add the residual (H, W) float32 of a numbered frame, at the pixels `used` (H, W) bool."""
+        flash = np.where(used, residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX), 0.0)
+        np.maximum(self.second, np.minimum(self._largest, flash), out=self.second)
+        self.moment[flash > self._largest] = number
+        np.maximum(self._largest, flash, out=self._largest)
+
+
 @dataclass(frozen=True, slots=True)
 class TableResponse:
     """Deviation of pixels' time series from the table's.
@@ -95,24 +115,20 @@ def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
     for block in blocks:
         amplitudes += basis[block].T @ flat[block].astype(np.float32)
     square = np.zeros((height, width), np.float32)
-    largest, second, moment = np.zeros_like(square), np.zeros_like(square), np.zeros((height, width), np.int32)
+    flashes = LargestFlashes((height, width))
     for block in blocks:
         residuals = flat[block].astype(np.float32) - basis[block] @ amplitudes
         for number, residual in enumerate(residuals.reshape(-1, height, width), block.start):
             square += residual * residual
-            flash = residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX)
-            # The second largest: a single noisy frame does not count.
-            np.maximum(second, np.minimum(largest, flash), out=second)
-            moment[flash > largest] = number
-            np.maximum(largest, flash, out=largest)
+            flashes.add(residual, number)
     level = brightness(amplitudes[0].reshape(height, width), basis)
     residual = np.sqrt(square / count)
     noise = TableNoise.of(residual, level, border, LEAST_RESIDUAL)
-    flash_noise = TableNoise.of(second, level, border, LEAST_FLASH)
+    flash_noise = TableNoise.of(flashes.second, level, border, LEAST_FLASH)
     return TableResponse(
         noise.log_ratio(residual, level),
-        flash_noise.log_ratio(second, level),
-        moment,
+        flash_noise.log_ratio(flashes.second, level),
+        flashes.moment,
         _median(frames),
         border,
         basis,

@@ -6,11 +6,10 @@ own side of the object it is the bare table again, while glass still flashes the
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from glint.tasks.algorithms.masks.light_sectors import LIGHT_SECTORS, passing_sectors
-from glint.tasks.algorithms.masks.table_response import FLASH_SIGMA_PX, TableResponse, brightness
+from glint.tasks.algorithms.masks.table_response import LargestFlashes, TableResponse, brightness
 
 DAMPING = 1e-6
 """Share of the mean square of the table's time series that is added where few frames leave amplitudes open."""
@@ -31,23 +30,19 @@ def unshadowed_response(
     passing = passing_sectors(mask, np.bincount(sectors[sectors >= 0], minlength=LIGHT_SECTORS))
     amplitudes = _amplitudes(response.basis, series, sectors, passing.reshape(LIGHT_SECTORS, -1))
     square, count = np.zeros(mask.shape, np.float32), np.zeros(mask.shape, np.float32)
-    largest, second, moment = np.zeros_like(square), np.zeros_like(square), response.moment.copy()
+    flashes = LargestFlashes(mask.shape)
     for number in np.flatnonzero(sectors >= 0):
         residual = (series[number].astype(np.float32) - amplitudes @ response.basis[number]).reshape(mask.shape)
-        flash = residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX)
         is_reached = passing[sectors[number]]
         square += np.where(is_reached, residual * residual, 0.0)
         count += is_reached
-        flash = np.where(is_reached, flash, 0.0)
-        np.maximum(second, np.minimum(largest, flash), out=second)
-        moment[flash > largest] = number
-        np.maximum(largest, flash, out=largest)
+        flashes.add(residual, int(number), is_reached)
     level = brightness(amplitudes[:, 0].reshape(mask.shape), response.basis)
     return replace(
         response,
         deviation=response.noise.log_ratio(np.sqrt(square / np.maximum(count, 1.0)), level),
-        flash=response.flash_noise.log_ratio(second, level),
-        moment=moment,
+        flash=response.flash_noise.log_ratio(flashes.second, level),
+        moment=flashes.moment,
     )
 
 
