@@ -32,8 +32,7 @@ from glint.tasks.simulation.simulate import PRESETS, CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.levels import load_levels
 from tests.benchmarks.random_captures import random_capture
-from tests.benchmarks.simulated_captures import simulated_once
-from tests.benchmarks.table_scenes import SHAPES, scene_options
+from tests.benchmarks.table_scenes import SHAPES, table_captures
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
 WRONG_BY_PX = 3
@@ -126,11 +125,9 @@ def vessels(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContex
 
 def tables(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContext]:
     """Yield captures of objects on tables."""
-    first, last = (int(number) for number in options.tables.split("-"))
-    for number in range(first, last + 1):
-        shape = SHAPES[number % len(SHAPES)]
-        capture = simulated_once(shape, folder / f"{number}", scene_options(number))
-        yield CaptureContext(str(folder / "store"), f"{shape}-{number}", capture, Parameters())
+    for number, _, capture in table_captures(options.tables, folder):
+        name = f"{SHAPES[number % len(SHAPES)]}-{number}"
+        yield CaptureContext(str(folder / "store"), name, capture, Parameters())
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ deviation that is stated for it; at last the RMS of the ratios of both and media
 import argparse
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +22,13 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.stages.capture_geometry import load_geometry
-from tests.benchmarks.simulated_captures import simulated_once
-from tests.benchmarks.table_scenes import SHAPES, scene_options
+from tests.benchmarks.table_scenes import table_captures
 from tests.tasks.make_context import perform_all
 
 
 def lit_captures(numbers: str, folder: Path, *, has_shadows: bool) -> Iterator[tuple[str, float, Capture]]:
     """Yield name, true inverse distance in frame widths and the capture of each scene's spheres, one sphere each."""
-    first, last = (int(number) for number in numbers.split("-"))
-    for number in range(first, last + 1):
-        options = replace(scene_options(number), shadows=has_shadows)
-        capture = simulated_once(SHAPES[number % len(SHAPES)], folder / str(number), options)
+    for number, options, capture in table_captures(numbers, folder, has_shadows=has_shadows):
         inverse = 0.0 if options.light_distance is None else 1.0 / options.light_distance
         for sphere in capture.spheres:
             yield (

@@ -11,9 +11,10 @@ import argparse
 import json
 import random
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.first_pass import Sample
@@ -56,18 +57,25 @@ def scene_options(number: int) -> CaptureOptions:
     )
 
 
-def table_scene(number: int, folder: Path) -> TableScene:
-    """Return a numbered scene, simulated into the folder unless it is there."""
-    shape = SHAPES[number % len(SHAPES)]
-    capture = simulated_once(shape, folder / str(number), scene_options(number))
-    spheres = tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in capture.spheres)
-    return TableScene(f"table {number} {shape}", read_sample(Path(capture.frames), FRAMES), spheres)
+def table_captures(
+    numbers: str, folder: Path, *, has_shadows: bool = True
+) -> Iterator[tuple[int, CaptureOptions, Capture]]:
+    """Yield number, options and capture of the scenes of a range, FIRST-LAST, simulated into the folder unless there.
+
+    has_shadows: whether shadows and caustics lie on the table.
+    """
+    first, last = (int(number) for number in numbers.split("-"))
+    for number in range(first, last + 1):
+        options = replace(scene_options(number), shadows=has_shadows)
+        yield number, options, simulated_once(SHAPES[number % len(SHAPES)], folder / str(number), options)
 
 
 def table_scenes(numbers: str, folder: Path) -> Iterator[TableScene]:
     """Yield the scenes of a range of numbers, FIRST-LAST."""
-    first, last = (int(number) for number in numbers.split("-"))
-    return (table_scene(number, folder) for number in range(first, last + 1))
+    for number, _, capture in table_captures(numbers, folder):
+        spheres = tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in capture.spheres)
+        name = f"table {number} {SHAPES[number % len(SHAPES)]}"
+        yield TableScene(name, read_sample(Path(capture.frames), FRAMES), spheres)
 
 
 def main() -> None:

@@ -71,14 +71,25 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray, is_w
     is_wall: whether a clear edge is enough; the inner face of a thin wall may be the stronger one.
     """
     limit = MAX_WALL_EDGE if is_wall else np.inf
-    outer_slope, inner_slope = (np.minimum(slope_across(image, area), limit) for area in (outer, mask))
     result = np.zeros_like(mask)
-    for grown, piece, new, old in pieces_beside(mask, outer, outer & ~mask):
-        strength, replaced = float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
+    for grown, piece, strength, replaced in edges_of_pieces(mask, outer, image, limit):
         is_stronger = strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced
         if is_stronger or (is_wall and strength > CLEAR_OUTER_EDGE and strength > MIN_CLEAR_RATIO * replaced):
             result[grown] |= piece
     return result
+
+
+def edges_of_pieces(
+    mask: np.ndarray, outer: np.ndarray, image: np.ndarray, limit: float = np.inf
+) -> Iterator[tuple[tuple[slice, ...], np.ndarray, float, float]]:
+    """Yield the pieces that `outer` adds to a mask, as `pieces_beside` does, with the mean edges along their contours.
+
+    Of each the window, its pixels (h, w) bool there, and the mean slope of an image (H, W) across its new contour and
+    across the old one, slopes above the limit counting as that.
+    """
+    outer_slope, inner_slope = (np.minimum(slope_across(image, area), limit) for area in (outer, mask))
+    for grown, piece, new, old in pieces_beside(mask, outer, outer & ~mask):
+        yield grown, piece, float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
 
 
 def pieces_beside(

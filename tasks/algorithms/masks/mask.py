@@ -14,7 +14,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.grid_cut import grid_cut, links
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.masks.contour_edges import MIN_EDGE_RATIO, edge_image, pieces_beside, slope_across
+from glint.tasks.algorithms.masks.contour_edges import MIN_EDGE_RATIO, edge_image, edges_of_pieces
 from glint.tasks.algorithms.masks.light_sectors import sectors_of
 from glint.tasks.algorithms.masks.mask_regions import large_components
 from glint.tasks.algorithms.masks.outline import refined_mask, wall_images
@@ -108,10 +108,8 @@ def _shadow_pieces(
     inner: np.ndarray, mask: np.ndarray, is_shadow: np.ndarray, lines: np.ndarray, max_edge: float
 ) -> np.ndarray:
     """Return the pieces (H, W) bool of a mask beside an inner one that are shadows, with a weaker edge outside."""
-    outer_slope, inner_slope = (slope_across(lines, area) for area in (mask, inner))
     result = np.zeros_like(mask)
-    for grown, piece, new, old in pieces_beside(inner, mask, mask & ~inner):
-        strength, replacement = float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
+    for grown, piece, strength, replacement in edges_of_pieces(inner, mask, lines):
         is_weaker = strength < max_edge and replacement > MIN_EDGE_RATIO * strength
         if is_weaker and is_shadow[grown][piece].mean() > MIN_SHADOW_SHARE:
             result[grown] |= piece
