@@ -78,7 +78,7 @@ STAGES = (
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),
-        version=9,
+        version=10,
     ),
     Stage(
         "thresholds",

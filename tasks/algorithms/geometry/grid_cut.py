@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import maxflow
 import numpy as np
 
-HARD_CAPACITY = 1e4
-"""Capacity, in nats, of a pixel whose label is given: above any sum of the other terms at a pixel."""
+from glint.tasks.algorithms.geometry.connected_parts import neighbours
+
 EDGE_FLOOR = 0.03
 """Capacity of a link across the strongest edge, relative to that without an edge: it shortens contours."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, 0.707), (1, -1, 0.707))
@@ -24,15 +24,13 @@ def links(images: Sequence[np.ndarray], strength: float, gaussian: bool = False)
         strength: capacity where there is no edge, nats.
         gaussian: whether capacities fall as exp(-d^2), else as 1 / (1 + d^2), which keeps faint edges in play.
     """
-    height, width = images[0].shape
     capacities = {}
     for down, right, weight in NEIGHBOURS:
-        first = slice(0, height - down), slice(max(0, -right), width - max(0, right))
-        second = slice(down, height), slice(max(0, right), width + min(0, right))
+        first, second = neighbours(images[0].shape, down, right)
         # Diagonal neighbours are farther apart: the same slope makes a larger difference.
         square = sum((weight * (image[first] - image[second])) ** 2 for image in images)
         likeness = np.exp(-square) if gaussian else 1.0 / (1.0 + square)
-        capacity = np.zeros((height, width))
+        capacity = np.zeros(images[0].shape)
         capacity[first] = strength * weight * (likeness + EDGE_FLOOR)
         capacities[down, right] = capacity
     return capacities
@@ -47,14 +45,27 @@ def grid_cut(ratios: np.ndarray, capacities: Links, inside: np.ndarray, outside:
         inside: (H, W) bool, pixels that are true in any case.
         outside: (H, W) bool, pixels that are false in any case; they win over `inside`.
     """
-    graph = maxflow.GraphFloat(ratios.size, len(capacities) * ratios.size)
-    nodes = graph.add_grid_nodes(ratios.shape)
+    result, free = inside & ~outside, ~(inside | outside)
+    count = int(free.sum())
+    if count == 0:
+        return result
+    nodes = np.full(ratios.shape, -1)
+    nodes[free] = np.arange(count)
+    graph = maxflow.GraphFloat(count, len(capacities) * count)
+    graph.add_nodes(count)
+    # A link to a pixel whose label is given speaks for that label.
+    source, sink = np.maximum(ratios, 0.0), np.maximum(-ratios, 0.0)
     for (down, right), capacity in capacities.items():
-        structure = np.zeros((3, 3))
-        structure[1 + down, 1 + right] = 1.0
-        graph.add_grid_edges(nodes, capacity, structure, symmetric=True)
-    source = np.where(inside & ~outside, HARD_CAPACITY, np.maximum(ratios, 0.0))
-    sink = np.where(outside, HARD_CAPACITY, np.maximum(-ratios, 0.0))
-    graph.add_grid_tedges(nodes, np.where(outside, 0.0, source), sink)
+        first, second = neighbours(ratios.shape, down, right)
+        capacity = capacity[first]
+        is_link = free[first] & free[second]
+        weights = capacity[is_link]
+        graph.add_edges(nodes[first][is_link], nodes[second][is_link], weights, weights)
+        for own, other in ((first, second), (second, first)):
+            source[own] += np.where(result[other], capacity, 0.0)
+            sink[own] += np.where(outside[other], capacity, 0.0)
+    numbers = np.arange(count)
+    graph.add_grid_tedges(numbers, source[free], sink[free])
     graph.maxflow()
-    return ~np.asarray(graph.get_grid_segments(nodes))
+    result[free] = ~np.asarray(graph.get_grid_segments(numbers))
+    return result

@@ -17,6 +17,12 @@ MIN_OFFSET_PX = 2
 INWARD_RATIO, OUTWARD_RATIO = 1.5, 1.05
 """Strength of an edge farther in, or farther out, relative to that at the contour, which contradicts a mask. Glass has
 edges inside: up to 1.2 times those of a right contour, while the table beside it has at most 0.9 times these."""
+MIN_OWN_EDGE, MIN_WALL_PX = 0.3, 3
+"""Strength of the edge at a contour, above the table's and relative to one farther in, from which it is that of a right
+mask although that one is stronger: thin walls have 0.30 to 0.57, masks 3 or 5 pixels too large of 52 captures up to
+0.29, which is the blur of the right contour. Distance of the inner one, below which all edges are blur."""
+TABLE_STEPS = 3
+"""Outermost steps of the profile, which show the table."""
 MAX_EDGE_STRENGTH = 6.0
 """Bound of an edge's strength, in edges of the table: one highlight shall not outweigh the whole contour."""
 MAX_OUTER_HIGHLIGHTS = 0.4
@@ -80,7 +86,7 @@ def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement |
     inward, outward = profile[: reach - MIN_OFFSET_PX + 1], profile[reach + MIN_OFFSET_PX :]
     if outward.max() > OUTWARD_RATIO * at_contour and outward.max() > inward.max() / INWARD_RATIO:
         return Misplacement("too small", float(outward.argmax()) + MIN_OFFSET_PX, contour)
-    if inward.max() > INWARD_RATIO * at_contour:
+    if inward.max() > INWARD_RATIO * at_contour and not _has_own_edge(profile, int(inward.argmax())):
         return Misplacement("too large", float(inward.argmax()) - reach, contour)
     beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & evidence.free) & contour
     if beyond.sum() > MAX_OUTER_HIGHLIGHTS * contour.sum():
@@ -129,6 +135,19 @@ def _edge_profile(evidence: ContourEvidence, used: np.ndarray) -> np.ndarray:
     )
     mean = total / np.maximum(count, 1e-6)
     return np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
+
+
+def _has_own_edge(profile: np.ndarray, inner: int) -> bool:
+    """Return whether the contour, in the middle of a profile, is an edge beside the stronger one farther in.
+
+    A thin wall is seen through, but for the band in which its inner side reflects all light: where that band ends, a
+    vessel has its strongest edge. What lies between the contour of a mask that is too large and the object is table.
+
+    profile: of `_edge_profile`; inner: number of the stronger edge in it.
+    """
+    middle, table = len(profile) // 2, float(profile[-TABLE_STEPS:].mean())
+    own_share = (profile[middle] - table) / max(float(profile[inner]) - table, 1e-6)
+    return middle - inner >= MIN_WALL_PX and bool(own_share >= MIN_OWN_EDGE)
 
 
 def _beside_outer_highlights(contour: np.ndarray, flash: np.ndarray, band: np.ndarray) -> np.ndarray:

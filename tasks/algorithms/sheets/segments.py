@@ -5,6 +5,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
 from glint.tasks.algorithms.geometry.blur import gaussian_blur
+from glint.tasks.algorithms.geometry.connected_parts import neighbours
 
 SHEET_STEP_DEG = 5.0
 """Angle up to which neighbouring normals belong to one sheet."""
@@ -17,13 +18,11 @@ def segment_sheets(normals: np.ndarray, max_turn_deg: float = SHEET_STEP_DEG) ->
     8-connected. max_turn_deg: angle up to which neighbours belong to one sheet.
     """
     known = np.isfinite(normals[..., 0])
-    height, width = known.shape
     numbers = np.full(known.shape, -1)
     numbers[known] = np.arange(known.sum())
     first, second = [], []
     for down, right in ((0, 1), (1, -1), (1, 0), (1, 1)):
-        pixel = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
-        neighbour = (slice(down, height), slice(max(0, right), width + min(0, right)))
+        pixel, neighbour = neighbours(known.shape, down, right)
         tied = (normals[pixel] * normals[neighbour]).sum(axis=-1) > np.cos(np.radians(max_turn_deg))
         first.append(numbers[pixel][tied])
         second.append(numbers[neighbour][tied])

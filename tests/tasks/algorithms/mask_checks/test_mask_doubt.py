@@ -60,6 +60,20 @@ def test_the_offset_of_a_block_does_not_depend_on_its_turn(pixels: int, turn: fl
     assert objection.offset == -pixels
 
 
+@pytest.mark.parametrize(("pixels", "kinds"), [(0, []), (4, ["too large"])])
+def test_the_inner_side_of_a_thin_wall_is_no_contour(pixels: int, kinds: list[str]) -> None:
+    down, right = np.mgrid[:160, :160] - 80.0
+    outer = 50.0 - np.hypot(down, right)
+    wall = 20.0 * np.clip(outer + 0.5, 0.0, 1.0) + 60.0 * np.clip(outer - 4.5, 0.0, 1.0)
+    noise = np.random.default_rng(0).normal(0.0, 1.0, (2, *wall.shape))
+    levels = cv2.GaussianBlur(90.0 + wall, (0, 0), 0.8) + noise
+    everywhere = np.ones(wall.shape, bool)
+    objections = mask_objections(
+        outer > -pixels, levels[0], levels[1] + 20.0, free=everywhere, estimated=False, edges=~everywhere
+    )
+    assert [objection.kind for objection in objections] == kinds
+
+
 @pytest.mark.parametrize("rows", [slice(0, 90), slice(90, 180)])
 def test_highlights_go_on_beyond_a_mask_that_lacks_half_of_the_object(disc: GlassScene, rows: slice) -> None:
     half = disc.mask.copy()
