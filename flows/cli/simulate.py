@@ -43,7 +43,8 @@ def simulate(
             metavar="SHAPE",
             help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, faceted-bottle, puppy, mug, goblet, "
             "tumbler, coupe, tankard, pitcher, hobnail-vase, ribbed-bottle, cut-bowl, bird, elephant, teddy-bear, "
-            "hexagonal-prism, cut-cube, gem, ring; `all` for the paper's six, the bottle, the puppy and the mug.",
+            "hexagonal-prism, cut-cube, gem, ring, flask; `all` for the paper's six, the bottle, the puppy and the "
+            "mug.",
         ),
     ],
     out: Annotated[

@@ -1,12 +1,27 @@
 """Glasses: the paper's wine glass and water glass, others whose feet and lips differ, and vessels with handles."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, revolved, union
 
-GLASSES = {
+Profile = Sequence[tuple[float, float]]
+"""Radius and height of the corners, from the bottom along the outside to the lip, and down the inside."""
+
+
+def _flask() -> Profile:
+    """Return the profile of a round flask whose wall is a twentieth of its radius thick."""
+    outside, inside = (
+        [(radius * np.cos(angle), radius * np.sin(angle)) for angle in np.radians(np.linspace(-72.0, 71.0, 24))]
+        for radius in (64.0, 60.8)
+    )
+    lip = [(20.0, 68.0), (20.0, 118.0), (23.0, 122.0), (17.0, 122.0), (16.8, 66.0)]
+    return [(0.0, outside[0][1]), *outside, *lip, *inside[::-1], (0.0, inside[0][1])]
+
+
+GLASSES: dict[str, Profile] = {
     "wine-glass": (
         (0, -150), (52, -150), (52, -146), (10, -140), (5, -130), (5, -50), (10, -45), (40, -20), (58, 20),
         (58, 70), (50, 140), (47.5, 140), (55, 70), (55, 20), (38, -16), (8, -40), (0, -41),
@@ -21,14 +36,16 @@ GLASSES = {
         (0, -100), (48, -100), (48, -97), (8, -91), (4, -84), (4, -10), (14, 0), (50, 18), (64, 50),
         (62, 51), (48, 21), (12, 4), (0, 4),
     ),
+    "flask": _flask(),
 }  # fmt: skip
-"""Radius and height of the corners, from the bottom along the outside to the lip, and down the inside."""
+"""Profiles of the glasses that are made as surfaces of revolution."""
 GLASS_TILT_DEG = {
     "wine-glass": 14.0,
     "water-glass": 14.0,
     "goblet": 20.0,
     "tumbler": 25.0,
     "coupe": 10.0,
+    "flask": 14.0,
     "mug": 22.0,
     "tankard": 12.0,
     "pitcher": 8.0,

@@ -43,6 +43,7 @@ SHAPES = (
     "cut-cube",
     "gem",
     "ring",
+    "flask",
 )
 """All shapes that can be simulated; those without a preset are other glasses, figurines and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
