@@ -139,14 +139,17 @@ def covered_spheres(mask: np.ndarray, spheres: Sequence[Sphere]) -> list[Objecti
 def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
     """Return the probability (H, W) float32 that a normal in a mask (H, W) bool is wrong because the silhouette is.
 
-    It is highest beside a doubtful piece of contour, falls with the distance from it, and does not vanish anywhere.
+    It is highest beside a doubtful piece of contour and falls with the distance from it. Unless the mask is too large,
+    it does not vanish anywhere.
     """
     trusted = np.ones(mask.shape)
     inradius = max(inradius_of(mask), 1.0)
     for objection in objections:
-        distance = ndimage.distance_transform_edt(~objection.piece)
-        local = np.exp(-distance / (REACH_INRADII * inradius))
-        overall = OVERALL_SHARE * objection.share
+        reach, overall = REACH_INRADII * inradius, OVERALL_SHARE * objection.share
+        if objection.kind == "too large":
+            # All of the object is in such a mask: only normals near the contour follow from where that lies.
+            reach, overall = abs(objection.offset), 0.0
+        local = np.exp(-ndimage.distance_transform_edt(~objection.piece) / reach)
         trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
     return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)
 
