@@ -139,15 +139,15 @@ def covered_spheres(mask: np.ndarray, spheres: Sequence[Sphere]) -> list[Objecti
 def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
     """Return the probability (H, W) float32 that a normal in a mask (H, W) bool is wrong because the silhouette is.
 
-    It is highest beside a doubtful piece of contour and falls with the distance from it. Unless the mask is too large,
-    it does not vanish anywhere.
+    It is highest beside a doubtful piece of contour and falls with the distance from it: over the offset of the contour
+    where that is known; else over a part of the object, and it does not vanish anywhere.
     """
     trusted = np.ones(mask.shape)
     inradius = max(inradius_of(mask), 1.0)
     for objection in objections:
         reach, overall = REACH_INRADII * inradius, OVERALL_SHARE * objection.share
-        if objection.kind == "too large":
-            # All of the object is in such a mask: only normals near the contour follow from where that lies.
+        if objection.offset != 0.0:
+            # Only normals near the contour follow from where that lies.
             reach, overall = abs(objection.offset), 0.0
         local = np.exp(-ndimage.distance_transform_edt(~objection.piece) / reach)
         trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
