@@ -86,8 +86,9 @@ def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement |
     inward, outward = profile[: reach - MIN_OFFSET_PX + 1], profile[reach + MIN_OFFSET_PX :]
     if outward.max() > OUTWARD_RATIO * at_contour and outward.max() > inward.max() / INWARD_RATIO:
         return Misplacement("too small", float(outward.argmax()) + MIN_OFFSET_PX, contour)
-    if inward.max() > INWARD_RATIO * at_contour and not _has_own_edge(profile, int(inward.argmax())):
-        return Misplacement("too large", float(inward.argmax()) - reach, contour)
+    inner = int(inward.argmax())
+    if inward[inner] > INWARD_RATIO * at_contour and not _has_own_edge(profile, inner):
+        return Misplacement("too large", float(inner - reach), contour)
     beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & evidence.free) & contour
     if beyond.sum() > MAX_OUTER_HIGHLIGHTS * contour.sum():
         return Misplacement("too small", 0.0, beyond)
@@ -145,9 +146,9 @@ def _has_own_edge(profile: np.ndarray, inner: int) -> bool:
 
     profile: of `_edge_profile`; inner: number of the stronger edge in it.
     """
-    middle, table = len(profile) // 2, float(profile[-TABLE_STEPS:].mean())
-    own_share = (profile[middle] - table) / max(float(profile[inner]) - table, 1e-6)
-    return middle - inner >= MIN_WALL_PX and bool(own_share >= MIN_OWN_EDGE)
+    middle, table = len(profile) // 2, profile[-TABLE_STEPS:].mean()
+    is_edge = profile[middle] - table >= MIN_OWN_EDGE * (profile[inner] - table)
+    return middle - inner >= MIN_WALL_PX and bool(is_edge)
 
 
 def _beside_outer_highlights(contour: np.ndarray, flash: np.ndarray, band: np.ndarray) -> np.ndarray:

@@ -44,7 +44,8 @@ the confident ones of 42 captures 99% are, with any value from 0 to 0.5."""
 MAX_SPHERE_SHARE, SPHERE_DOUBT = 0.05, 1.0
 """Share of a chrome sphere that a mask drawn by hand may cover, and doubt of the normals of what it covers."""
 OVERALL_SHARE = 0.1
-"""Doubt that a doubtful contour casts on the whole object, relative to the doubt at the contour."""
+"""Doubt that a contour casts on the whole object where it is not known how far off it is, relative to the doubt at the
+contour."""
 TABLE_SHARES, MAX_TABLE_SHARE = (0.08, 0.03, 0.0), 0.5
 """Distances from the mask between which pixels show the table, as shares of the edge of a square of its area: the first
 near one at which there are enough, and the far one."""
@@ -53,7 +54,7 @@ ENOUGH_TABLE_PX = 100
 SURROUNDINGS_SIGMA_PX = 3.0
 """Standard deviation of the window that is a pixel's surroundings."""
 REACH_INRADII = 0.3
-"""Distance from a doubtful piece of contour at which its doubt has fallen to 1/e, in inradii."""
+"""Distance from such a piece of contour at which its doubt has fallen to 1/e, in inradii."""
 
 Kind = Literal["too large", "too small", "continued", "sphere", "corners", "cut", "neck", "ragged", "unsupported"]
 """What speaks against a mask: edges and highlights inside its contour, outside, and as dense beyond it as inside; a

@@ -14,6 +14,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.geometry.connected_parts import neighbours
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import angles, gradients
 from glint.tasks.algorithms.labelling.confidence import (
@@ -122,10 +123,7 @@ def edge_ends(
 
     numbers (2, H, W): those of the nodes, -1 outside the mask.
     """
-    down, right = offset
-    height, width = numbers.shape[1:]
-    pixel = numbers[:, : height - down, max(0, -right) : width - max(0, right)]
-    neighbour = numbers[:, down:, max(0, right) : width - max(0, -right)]
+    pixel, neighbour = (numbers[:, *window] for window in neighbours(numbers.shape[1:], *offset))
     layers = ((0, 0), (1, 1), (0, 1), (1, 0)) if connectivity == "layers" else ((0, 0), (1, 1))
     inside = (pixel[0] >= 0) & (neighbour[0] >= 0)
     return (
