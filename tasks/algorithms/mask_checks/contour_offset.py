@@ -98,8 +98,10 @@ def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement |
 def continued_beyond(evidence: ContourEvidence, flash: np.ndarray) -> np.ndarray | None:
     """Return the piece (H, W) bool of a contour beyond which the object goes on; None: it does nowhere.
 
-    Highlights are as dense there as inside, and the contour is no stronger an edge than what lies beyond it, as that of
-    a caustic beside the object is. flash: (H, W) bool, pixels of highlights, as many of the object's as possible.
+    Highlights are at least CONTINUED_RATIO times as dense there as inside, and the contour is hardly a stronger edge
+    than what lies beyond it; beside a caustic it is a much stronger one.
+
+    flash: (H, W) bool, pixels of highlights, as many of the object's as possible.
     """
     contour, distance, free, reach = evidence.contour, evidence.distance, evidence.free, evidence.reach
     parts = _parts(contour)

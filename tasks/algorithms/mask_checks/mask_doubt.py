@@ -26,7 +26,8 @@ TABLE_QUARTILES = 6.0
 """Bound of that quantile where the mask lacks a part of the object, in distances of the table's third quartile from its
 median: half of it may be glass."""
 SUPPORT_SHARE, MIN_SUPPORT_PX = 0.025, 2.0
-"""Distance from the contour within which a highlight supports it, as above."""
+"""Distance from the contour within which a highlight supports it: share of the edge of a square of the object's area,
+and at least, in pixels."""
 MAX_WITHOUT_HIGHLIGHT = 0.07
 """Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks
 of solid objects have at most 0.05."""
@@ -54,7 +55,7 @@ ENOUGH_TABLE_PX = 100
 SURROUNDINGS_SIGMA_PX = 3.0
 """Standard deviation of the window that is a pixel's surroundings."""
 REACH_INRADII = 0.3
-"""Distance from such a piece of contour at which its doubt has fallen to 1/e, in inradii."""
+"""Distance from a piece of contour at which its doubt has fallen to 1/e, in inradii, if its offset is not known."""
 
 Kind = Literal["too large", "too small", "continued", "sphere", "corners", "cut", "neck", "ragged", "unsupported"]
 """What speaks against a mask: edges and highlights inside its contour, outside, and as dense beyond it as inside; a

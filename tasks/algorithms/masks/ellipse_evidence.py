@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 NEAR_EDGE_WEIGHT = 0.4
-"""Weight of edges of the near rim: without flashes it may be that of a matt coaster."""
+"""Weight of edges of the near rim: without flashes it may be that of a matte coaster."""
 BEYOND_WEIGHT, BEYOND_DISTANCE_PX = 0.5, 3.0
 """Weight of what speaks against a place: edges and flashes so far outside it, where the table should be."""
 NEUTRAL_EVIDENCE = 0.4

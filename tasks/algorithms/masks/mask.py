@@ -3,7 +3,7 @@
 Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut separates object and table
 (`table_separation`), and a second one moves the contour to the edges nearby (`outline`). Both are repeated with what a
 pixel shows under the lights of its own side of the object (`unshadowed_response`): what is the bare table then was a
-shadow of the object, or its caustics, unless its contour is an edge of the picture.
+shadow of the object, or its caustics, unless its contour is an edge of the background.
 """
 
 from collections.abc import Sequence

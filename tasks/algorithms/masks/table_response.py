@@ -1,8 +1,8 @@
 """Table response: how a pixel follows the moving light, against how the table does.
 
-The table is matt: under a moving light all its pixels brighten and darken together, in proportion to their own
+The table is matte: under a moving light all its pixels brighten and darken together, in proportion to their own
 reflectance, up to a smooth change over the picture. A few time series span that (their principal components along the
-frame's border; low-dimensional illumination of matt surfaces: Basri and Jacobs 2003). Glass does not follow them:
+frame's border; low-dimensional illumination of matte surfaces: Basri and Jacobs 2003). Glass does not follow them:
 highlights flash for a few frames, and what it refracts and reflects is lit otherwise.
 """
 
