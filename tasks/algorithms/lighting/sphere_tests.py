@@ -170,12 +170,15 @@ def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> flo
 def consistent_spheres(
     frames: np.ndarray, spheres: list[Sphere], camera: np.ndarray | None = None
 ) -> tuple[list[Sphere], list[str]]:
-    """Drop spheres whose lights contradict those of better ones; return the rest, and a sentence on each dropped one.
+    """Drop spheres whose lights contradict those of the sphere with which most agree, the better one of two.
 
     Args:
         frames: (T, H, W), spread over the capture.
         spheres: best first, in the frames' pixels.
         camera: perspective camera's matrix (3, 3).
+
+    Returns:
+        The rest, and a sentence on each that is dropped.
     """
     kept, sentences = list[Sphere](), list[str]()
     if len(spheres) < 2 or len(frames) < MIN_TESTED_FRAMES:

@@ -45,7 +45,7 @@ domes whose estimate is right within 0.3 per frame width 0.4 at most."""
 
 @dataclass(frozen=True, slots=True)
 class InverseFocal:
-    """Estimated inverse focal length and its standard deviation, 1/pixels; negative: turned away from the sphere."""
+    """Estimated inverse focal length and its standard deviation, 1/pixels; no true one is negative."""
 
     value: float
     deviation: float

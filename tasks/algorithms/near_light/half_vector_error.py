@@ -63,8 +63,8 @@ def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
 def unknown_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere]) -> np.ndarray:
     """Return the error (H, W), radians per axis, of a light whose distance from a single sphere is not known.
 
-    It is the parallax between sphere and pixel under a light at the least distance that is recommended, along either
-    axis: nobody knows where it went.
+    It is the parallax between sphere and pixel under a light at the least distance that is recommended, in full along
+    both axes, since its direction varies.
     """
     return np.sqrt(2.0) * light_distance_error(pixels, spheres, 1.0 / (LEAST_DISTANCE_SIZES * pixels.size))
 

@@ -38,7 +38,7 @@ class TablePlane:
     def below(cls, normal: np.ndarray, centre: np.ndarray, radius: float) -> "TablePlane":
         """Return the plane of a normal (3,) that touches a sphere from below.
 
-        centre: (3,) of the sphere relative to the reference point; radius; pixels, y up.
+        centre: (3,) of the sphere relative to the reference point, y up; radius: of it; both in pixels.
         """
         return cls(normal, float(centre @ normal) - radius)
 

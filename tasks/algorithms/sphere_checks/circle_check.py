@@ -65,7 +65,7 @@ class CheckedCircle:
     def misfit(self) -> float:
         """Distance of its centre from that of the highlights, in standard deviations.
 
-        Infinite where they contradict it in vain, the usual one where they say nothing.
+        Infinite where they contradict it but no other circle is clear, the usual one where they say nothing.
         """
         if self.shapes is None:
             return USUAL_DEVIATIONS
