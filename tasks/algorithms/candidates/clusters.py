@@ -25,10 +25,11 @@ class Clusters:
     """Candidate normals of each pixel in the order in which they are found: each the densest disc of what is left.
 
     normals: (K, H, W, 3) float32, unit, camera frame, NaN where there is no such cluster. weight: (K, H, W) float32,
-    solid angle of half vectors that it covers, in units of the lights' spacing. spread: (K, H, W) float32, RMS angle in
-    radians to the normal. count: (K, H, W) int32, frames. observations: (H, W) int32, the paper's M: frames in which
-    the pixel is lit. winner: (H, W, 3) float32, top eigenvector of sum h h^T over all of them (Chen et al. 2006).
-    shading: (K, H, W) float32, level beside the candidate's disc between dark (0) and lit (1); NaN where unknown.
+    sum of its frames' weights, under sparse lights times their brightness. spread: (K, H, W) float32, RMS angle in
+    radians to the normal, NaN likewise. count: (K, H, W) int32, frames. observations: (H, W) int32, the paper's M:
+    frames in which the pixel is lit. winner: (H, W, 3) float32, top eigenvector of sum h h^T over all of them (Chen et
+    al. 2006). shading: (K, H, W) float32, level beside the candidate's disc between dark (0) and lit (1), NaN where
+    unknown.
     """
 
     normals: np.ndarray

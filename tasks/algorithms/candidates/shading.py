@@ -11,10 +11,10 @@ import numpy as np
 from glint.tasks.algorithms.candidates.clusters import Clusters
 
 MAX_SHADING = 0.25
-"""Shading above which a candidate is no highlight: glass and chrome keep below, lobes broader than 6 degrees above."""
+"""Shading above which a candidate is no highlight: glass and chrome have less, lobes broader than 6 degrees more."""
 
 TRUE_MEAN, FALSE_MEAN = 0.08, 0.19
-"""Mean shading of highlights on a surface, and of light that went a way on which it is scattered or spread."""
+"""Mean shading of true highlights, and of false ones, whose light was scattered or spread on its way."""
 
 
 def object_shading(shading: np.ndarray) -> float:

@@ -18,7 +18,7 @@ SPARSE_SHARE_RANGE = (0.14, 0.2)
 
 SATURATION_PERCENTILE = 99.9
 """Percentile of the object's peak levels that is the saturation level: in one frame the highlight of a light's disc of
-2.2 degrees covers at least 0.15% of a convex object, and with few lights little more is covered in all."""
+2.2 degrees covers 0.10 to 0.15% of a sphere, and with few lights little more is covered in all."""
 MIN_HEADROOM_SHARE = 0.02
 """Lower bound of a pixel's headroom, as a share of the saturation level: even a bright background has noise."""
 MAX_BACKGROUND_SHARE = 0.93

@@ -1,7 +1,8 @@
 """Border patches: how accepted normals continue beyond the border of their sheet.
 
-On spheres, cylinders and cones (n_x, n_y) is linear in the image, up to the occluding contour, where its length is 1.
-So what a limb looks like beyond the normals that the lights reach follows from a linear fit to those beside it.
+On a sphere, and across a cylinder or cone whose axis lies in the image plane, (n_x, n_y) is linear in the image, up to
+the occluding contour, where its length is 1. So what a limb looks like beyond the normals that the lights reach
+follows from a linear fit to those beside it.
 """
 
 from dataclasses import dataclass

@@ -25,7 +25,7 @@ from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prior.unreached import with_unreached
 
 CUT_FIELD_NODES = 40_000
-"""Pixels of the mask up to which each is looked at; of larger objects every second pixel in a row, or third, is."""
+"""Pixels of the mask up to which each is looked at; of larger objects every second, third, .. row and column is."""
 CONTINUED_WEIGHT, CONTINUED_INRADII, CONTINUED_VARIANCE = 0.03, 0.2, 0.03
 """Weight of what continues as data of the field, the distance over which it falls to 1/e, and the variance at which it
 falls to a half."""

@@ -20,7 +20,7 @@ READMITTED_PROBABILITY = 0.2
 """Probability of being the surface from which a rejected sheet is readmitted: a false one mostly is rejected again."""
 LIT_SHARE_POWER = -1.5
 """Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
-light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
+light crosses the glass along many paths, most highlights are false (fitted to presets, as the next two)."""
 TILT_NATS_PER_DEG = 0.1
 """Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
 REJECTED_NATS = -4.0

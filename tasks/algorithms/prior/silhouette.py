@@ -1,7 +1,7 @@
 """Initial normals from the silhouette (section 4.1 of Yeung et al. 2009).
 
 Occluding-contour normals and true marks are interpolated by a smooth normal field, in place of the Markov random field
-of Wu and Tang 2006 that the paper uses.
+of Wu et al. 2006 that the paper uses.
 """
 
 from dataclasses import dataclass

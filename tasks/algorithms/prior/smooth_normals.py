@@ -1,10 +1,10 @@
 """Smooth normal field between known normals: a thin-plate interpolant under tension (Terzopoulos 1988).
 
 It replaces the Markov random field of section 4.1 of Yeung et al. 2009. The field is solved for (n_x, n_y), not for
-gradients: both are finite on the occluding contour, and on a sphere or a cylinder they are linear in the image, so a
-thin plate under slight tension interpolates and extrapolates them well. Lengths are measured in the silhouette's
-inradius, so the plate does not depend on the camera's resolution; but each pixel's normal has a weight of its own, so a
-finer picture is followed more closely.
+gradients: both are finite on the occluding contour, and on a sphere, or across a cylinder that is seen from the side,
+they are linear in the image, so a thin plate under slight tension interpolates and extrapolates them well. Lengths are
+measured in the silhouette's inradius, so the plate does not depend on the camera's resolution; but each pixel's normal
+has a weight of its own, so a finer picture is followed more closely.
 """
 
 from dataclasses import dataclass
