@@ -34,8 +34,8 @@ class StageParameters(BaseModel):
 
 
 class SurveyParameters(StageParameters):
-    """sample: frames read where the spheres or the region must be found; margin: pixels around the mask; stabilize:
-    whether frames of a shaken camera are moved back."""
+    """sample: frames read to find or check the spheres, and to find region and mask; margin: pixels around the mask;
+    stabilize: whether frames of a shaken camera are moved back."""
 
     sample: Annotated[int, Field(ge=3, le=5000)] = 600
     margin: Annotated[int, Field(ge=2, le=500)] = 8
@@ -49,7 +49,7 @@ class FramesParameters(StageParameters):
 class LightsParameters(StageParameters):
     """peak_level, edge_level, full_level: levels of a highlight on the sphere between its background level (0) and
     saturation (1): of its brightest pixel, of its edge, and from which a pixel counts in full; second_light_ratio: area
-    of a second light relative to the first; area_ratio: ratio of two highlights' areas from which they are no pair;
+    of a second light relative to the first; area_ratio: of a highlight to the usual area, beyond which it is ambiguous;
     tolerance: degrees between spheres; distance: of a near light in mm (two spheres measure it themselves)."""
 
     peak_level: Share = 0.6
