@@ -1,4 +1,4 @@
-"""Photographs of an object for its page: frames of lights from all sides, the median and the maximum of all frames."""
+"""Photographs of an object for its page: frames of lights from all sides, their median and maximum over the video."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ JPEG_QUALITY = 88
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """A picture of the region: a frame with its light (unit vector), or the `median` or `maximum` of all frames."""
+    """A picture of the region: a frame with its light (unit vector), or the `median` or `maximum` over time."""
 
     label: str
     picture: Part
