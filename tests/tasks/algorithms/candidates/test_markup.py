@@ -29,6 +29,13 @@ def test_a_mark_without_a_cluster_fixes_its_normal_alone() -> None:
         assert marked.all() and values[0, 0].tolist() == [0.0, 0.0, 1.0] and not labels.any()
 
 
+def test_a_mark_beside_the_object_fixes_nothing() -> None:
+    marks = Marks(np.array([[0, 1]]), np.array([[0.0, 0.0, 1.0]]), np.array([1]))
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (1, 1, 2, 3))
+    marked, values, labels = mark_constraints(marks, normals, np.array([[True, False]]))
+    assert not marked.any() and np.isnan(values).all() and not labels.any()
+
+
 def half_vectors(*degrees: float) -> np.ndarray:
     """Return unit vectors (N, 3) tilted to the right by so many degrees."""
     tilts = np.radians(degrees)
