@@ -89,6 +89,14 @@ def test_missing_normals_are_those_of_the_triangles() -> None:
     assert np.allclose(mesh.normals[5 * 17 + 5], expected, atol=1e-5)
 
 
+def test_a_pixel_of_unknown_confidence_has_none() -> None:
+    depth, mask, normals = plane()
+    confidence = np.full(mask.shape, 0.75, np.float32)
+    confidence[0, 0] = np.nan
+    mesh = mesh_from_depth(depth, mask, normals, confidence=confidence)
+    assert mesh.confidence[0] == 0.0 and (mesh.confidence[1:] == 0.75).all()
+
+
 def test_bad_input_is_refused() -> None:
     depth, mask, normals = plane()
     with pytest.raises(ValueError, match="agree"):
