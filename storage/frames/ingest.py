@@ -37,7 +37,7 @@ _MAX_PENDING = 1
 def check_crops(crops: Mapping[str, Region], footage: Footage) -> None:
     """Raise InputError if a crop leaves the frame."""
     for name, crop in crops.items():
-        if crop.x < 0 or crop.y < 0 or crop.x + crop.width > footage.width or crop.y + crop.height > footage.height:
+        if crop.x + crop.width > footage.width or crop.y + crop.height > footage.height:
             raise InputError(
                 f"the region of {name}, x {crop.x} to {crop.x + crop.width - 1} and y {crop.y} to"
                 f" {crop.y + crop.height - 1}, leaves the frame of {footage.width} x {footage.height} pixels",

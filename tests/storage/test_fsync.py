@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from glint.storage.fsync import flush_tree
+from glint.storage.fsync import CLOCK_LAG_SECONDS, flush_tree
 
 
 @pytest.fixture
@@ -25,6 +25,14 @@ def test_only_what_was_written_since_is_flushed(tmp_path: Path, flushed: list[Pa
         os.utime(path, (1000.0, 1000.0))
     flush_tree(tmp_path, 2000.0)
     assert sorted(flushed) == sorted([tmp_path, tmp_path / "new", *(tmp_path / "new").iterdir()])
+
+
+def test_times_of_files_may_lag_behind_the_clock(tmp_path: Path, flushed: list[Path]) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file", tmp_path):
+        os.utime(path, (1000.0, 1000.0))
+    flush_tree(tmp_path, 1000.0 + 0.5 * CLOCK_LAG_SECONDS)
+    assert sorted(flushed) == [tmp_path, tmp_path / "file"]
 
 
 def test_a_file_that_cannot_be_flushed_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -328,8 +328,7 @@ def test_transparency_and_palettes_do_not_matter(tmp_path: Path) -> None:
     grey.convert("LA").save(tmp_path / "1.png")
     grey.convert("RGBA").save(tmp_path / "2.png")
     grey.convert("P").save(tmp_path / "3.png")
-    for frame in _read(tmp_path):
-        assert np.array_equal(frame, FRAMES[0])
+    assert np.array_equal(_read(tmp_path), np.stack([FRAMES[0]] * 3))
 
 
 def test_the_turn_that_a_camera_notes_is_heeded(tmp_path: Path) -> None:

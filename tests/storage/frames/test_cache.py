@@ -20,6 +20,7 @@ from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.footage.video import Video
 from glint.storage.frames.cache import FrameCache, cache_digest
+from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.layout import MAX_SHARD_BYTES, shard_frames
 from glint.storage.frames.layout import SHARD_FRAMES as SHARD
 from glint.storage.locations.location import Location
@@ -344,6 +345,37 @@ def test_a_damaged_shard_is_reported(tmp_path: Path, ready: Path, kind: str) -> 
     assert cache.read("all", slice(0, 128)).shape == (128, 81, 100)
     with pytest.raises(StoreError, match=r"are damaged: run again|have layout 99: run again"):
         cache.read("all")
+
+
+@pytest.mark.parametrize("columns", [slice(0, 128), slice(0, 64)])
+def test_shards_that_change_places_are_reported(tmp_path: Path, columns: slice) -> None:
+    # Noise is not compressed: the chunks of both shards have the same places and sizes.
+    noise = np.random.default_rng(0).integers(0, 256, (2 * SHARD, 64, 128), np.uint8)
+    path = write_video(tmp_path / "video.mkv", list(noise), "ffv1", "gray")
+    FrameCache.ingest(open_footage(path), _place(tmp_path), "d", {"all": Region(x=0, y=0, width=128, height=64)})
+    first, second = (tmp_path / f"store/frames/d/all/c/{number}/0/0" for number in (0, 1))
+    data = first.read_bytes()
+    assert len(data) == second.stat().st_size
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(data)
+    with pytest.raises(DamagedFrames):
+        FrameCache.open(_place(tmp_path), "d").read("all", slice(0, SHARD), columns=columns)
+
+
+def test_the_metadata_of_an_array_that_changed_are_reported(tmp_path: Path, ready: Path) -> None:
+    document = json.loads((ready / "all/zarr.json").read_text())
+    assert document["data_type"] == "uint8"
+    (ready / "all/zarr.json").write_text(json.dumps(document | {"data_type": "int8"}))
+    cache = FrameCache.open(_place(tmp_path), "d")
+    assert cache.read("object", slice(0, 1)).dtype == np.uint8
+    with pytest.raises(DamagedFrames):
+        cache.read("all", slice(0, 1))
+
+
+def test_the_cache_of_other_frames_is_damaged_in_this_place(tmp_path: Path, ready: Path) -> None:
+    shutil.copytree(ready, ready.with_name("e"))
+    with pytest.raises(DamagedFrames):
+        FrameCache.open(_place(tmp_path), "e")
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"zarr_format": 3, "node_type": "group", "attributes": {}}'])

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import obstore
 import pytest
+from obstore.exceptions import BaseError
 from obstore.store import LocalStore, ObjectStore
 
 from glint.storage.errors import StoreError
+from glint.storage.locking import leases
 from glint.storage.locking.leases import lease
 from glint.storage.locking.locks import run_lock, run_owner
 from glint.storage.locking.owner import LockOwner, ObjectBusy
@@ -67,6 +69,34 @@ def test_a_run_that_lost_its_lease_leaves_the_new_owner_alone() -> None:
     with run_lock(location, "duck"):
         obstore.put(location.store, KEY, foreign_owner().as_bytes())
     assert run_owner(location, "duck") is not None
+
+
+@pytest.mark.long
+def test_a_run_that_lost_its_lease_does_not_renew_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    location = MemoryLocation()
+    with lease(location, "duck", term=timedelta(seconds=0.3)):
+        obstore.put(location.store, KEY, foreign_owner().as_bytes())
+        time.sleep(0.5)
+        owner = LockOwner.from_bytes(bytes(obstore.get(location.store, KEY).bytes()))
+        assert owner is not None and owner.host == "elsewhere"
+
+
+@pytest.mark.long
+def test_a_renewal_that_fails_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    renewed = threading.Event()
+
+    def answers(store: ObjectStore, key: str) -> None:
+        monkeypatch.undo()
+        renewed.set()
+        raise BaseError("the store does not answer")
+
+    location = MemoryLocation()
+    with lease(location, "duck", term=timedelta(seconds=0.3)):
+        before = obstore.head(location.store, KEY)["last_modified"]
+        monkeypatch.setattr(leases, "_read", answers)
+        assert renewed.wait(60)
+        time.sleep(0.3)
+        assert obstore.head(location.store, KEY)["last_modified"] > before
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,6 +101,25 @@ def test_a_status_check_does_not_disturb_the_run_after_a_killed_one(location: Lo
             assert (owner := run_owner(location, "duck")) is not None and not owner.is_dead()
 
 
+def test_a_status_check_does_not_disturb_another_after_a_killed_run(location: Location) -> None:
+    path = Path(location.path) / "objects" / "duck" / "run.lock"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(LockOwner.this_process("killed").as_bytes())
+    with path.open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_SH)
+        assert run_owner(location, "duck") is None
+
+
+def test_a_status_check_does_not_disturb_the_next_run_of_a_process(location: Location) -> None:
+    with run_lock(location, "duck", run="first"):
+        pass
+    with (Path(location.path) / "objects" / "duck" / "run.lock").open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_SH)
+        threading.Timer(0.3, fcntl.flock, (handle, fcntl.LOCK_UN)).start()
+        with run_lock(location, "duck", run="second"):
+            assert (owner := run_owner(location, "duck")) is not None and owner.run == "second"
+
+
 def test_status_checks_do_not_disturb_a_run(location: Location) -> None:
     stop = threading.Event()
 
@@ -148,3 +167,18 @@ def test_a_record_that_no_process_wrote_names_no_owner(changes: dict[str, object
     fields = {"pid": 12, "host": "here", "since": "2026-01-01", "run": ""}
     assert LockOwner.from_bytes(json.dumps(fields).encode()) == LockOwner(12, "here", "2026-01-01")
     assert LockOwner.from_bytes(json.dumps(fields | changes).encode()) is None
+
+
+def test_only_a_process_of_this_machine_that_ended_is_dead(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    alive = LockOwner.this_process("")
+    ended = replace(alive, pid=process.pid)
+    assert ended.is_dead() and not alive.is_dead()
+    assert not replace(ended, host="elsewhere").is_dead(), "nobody here knows the processes of another machine"
+
+    def refuse(pid: int, number: int) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "kill", refuse)
+    assert not alive.is_dead(), "it runs, under another user"

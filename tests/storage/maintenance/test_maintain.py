@@ -11,7 +11,15 @@ from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.edits.overlay import edited_entries
-from glint.storage.frames.eviction import CachedFrames, cached_frames, discard_frames, mark_used, over_budget
+from glint.storage.errors import StoreError
+from glint.storage.frames.eviction import (
+    CachedFrames,
+    cached_frames,
+    discard_frames,
+    mark_used,
+    over_budget,
+    remove_frames,
+)
 from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
@@ -32,6 +40,25 @@ def test_nothing_is_left_of_frames_that_are_discarded(tmp_path: Path) -> None:
     mark_used(location, "a" * 64)
     discard_frames(location, "a" * 64)
     assert list((tmp_path / "frames").iterdir()) == []
+
+
+def test_a_removal_that_is_interrupted_leaves_no_valid_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    location = Location.parse(tmp_path)
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    monkeypatch.setattr("shutil.rmtree", fail)
+    with pytest.raises(StoreError, match="removing frames"):
+        remove_frames(location, cached_frames(location))
+    assert not (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
+
+
+def test_folders_of_other_names_are_no_frames(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    for name in ("a" * 64, "b" * 65, "c" * 63, "D" * 64):
+        frames(location, name, 1000, timedelta(days=3))
+    assert [entry.digest for entry in cached_frames(location)] == ["a" * 64]
 
 
 def test_data_of_a_version_stay(tmp_path: Path) -> None:

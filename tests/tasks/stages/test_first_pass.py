@@ -15,7 +15,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.first_pass import SampleRecorder
 from glint.tasks.stages.frames import load_thumbnails, open_frames
-from glint.tasks.stages.levels import LevelRecorder, stored_levels
+from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK, LevelRecorder, stored_levels
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 from tests.storage.footage.videos import write_images
 from tests.tasks.make_context import make_context, perform_all
@@ -103,7 +103,9 @@ def test_levels_are_taken_from_stored_frames_where_not_all_passed(simulated: Pat
             pass
         passing = recorder.frames()
         next(passing)
-        for name, taken in recorder.arrays(cache).items():
+        arrays = recorder.arrays(cache)
+        assert arrays.keys() == {BACKGROUND, PEAK, CLIPPED}
+        for name, taken in arrays.items():
             assert np.array_equal(taken, work.load("frames").read(name)), name
 
 

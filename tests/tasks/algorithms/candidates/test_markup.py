@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.candidates.markup import MARK_RADIUS_DEG, Marks, mark_constraints
 
 
 def test_a_true_mark_labels_the_clusters_of_its_pixel() -> None:
@@ -27,6 +27,19 @@ def test_a_mark_without_a_cluster_fixes_its_normal_alone() -> None:
     for normals in (np.empty((0, 1, 1, 3)), np.full((2, 1, 1, 3), np.nan)):
         marked, values, labels = mark_constraints(marks, normals, np.ones((1, 1), bool))
         assert marked.all() and values[0, 0].tolist() == [0.0, 0.0, 1.0] and not labels.any()
+
+
+def test_a_true_mark_rules_out_what_is_well_apart_from_it_alone() -> None:
+    normals = half_vectors(0.0, 1.5 * MARK_RADIUS_DEG, 2.5 * MARK_RADIUS_DEG)[:, None, None, :]
+    marks = Marks(np.array([[0, 0]]), half_vectors(0.0), np.array([1]))
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool))[2].ravel().tolist() == [1, 0, -1]
+
+
+def test_a_mark_beside_the_object_fixes_nothing() -> None:
+    marks = Marks(np.array([[0, 1]]), np.array([[0.0, 0.0, 1.0]]), np.array([1]))
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (1, 1, 2, 3))
+    marked, values, labels = mark_constraints(marks, normals, np.array([[True, False]]))
+    assert not marked.any() and np.isnan(values).all() and not labels.any()
 
 
 def half_vectors(*degrees: float) -> np.ndarray:

@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.candidates.marked_tracks import Tracks, track
+from glint.tasks.algorithms.candidates.marked_tracks import Tracks, join_tracks, track
 from glint.tasks.algorithms.candidates.markup import Mark
+from glint.tasks.algorithms.candidates.tracking import MAX_TRACK_FRAMES
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from tests.benchmarks.dual_layer_weights import read_region
 from tests.pictures import read_picture
@@ -43,6 +44,30 @@ def test_a_mark_is_tracked_forward_and_backward() -> None:
     for (row, column), half_vector in zip(marks.pixels, marks.half_vectors, strict=True):
         frame = int(np.flatnonzero((half_vectors == half_vector).all(axis=1))[0])
         assert abs(column - 10 - 1.2 * frame) <= 1 and abs(row - 30 - 0.1 * frame) <= 1
+
+
+def test_a_mark_is_followed_so_many_frames_and_to_the_neighbouring_keyframes() -> None:
+    spans = list[tuple[int, int]]()
+
+    def follow(mark: Mark, span: slice) -> list[tuple[int, int, int]]:
+        spans.append((span.start, span.stop))
+        return [(0, mark.frame, mark.frame)]
+
+    marks = [Mark(frame, float(frame), 0.0, True) for frame in (100, 130, 299)]
+    tracks = join_tracks(marks, follow, np.full((300, 3), (0.0, 0.0, 1.0), np.float32), (0, 0))
+    reach = MAX_TRACK_FRAMES
+    assert spans == [(100 - reach, 130), (101, 130 + reach + 1), (299 - reach, 300)]
+    assert [point.frame for point in tracks.path(1)] == [130]
+
+
+@pytest.mark.parametrize(("row", "column", "meet"), [(6, 6, True), (5, 30, False), (30, 5, False)])
+def test_true_and_false_marks_contradict_each_other_where_both_row_and_column_are_near(
+    row: int, column: int, meet: bool
+) -> None:
+    marks = [Mark(2, 5.0, 5.0, True), Mark(2, float(column), float(row), False)]
+    half_vectors = np.full((4, 3), (0.0, 0.0, 1.0), np.float32)
+    tracks = join_tracks(marks, lambda mark, _: [(int(mark.y), int(mark.x), mark.frame)], half_vectors, (0, 0))
+    assert (len(tracks.conflicts), len(tracks.marks.kind)) == ((1, 0) if meet else (0, 2))
 
 
 def test_tracks_end_at_the_next_keyframe_and_at_the_mask() -> None:

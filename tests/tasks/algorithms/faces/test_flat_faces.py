@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -164,3 +166,23 @@ def test_marks_and_other_accepted_normals_outweigh_faces(truth: np.ndarray) -> N
     everywhere = ~nothing
     _, marked = result.constrain(targets, weights, everywhere, everywhere)
     assert (marked == 0.5).all()
+
+
+def test_a_face_that_showed_the_light_is_known_all_over_but_at_marks_others_where_nothing_is() -> None:
+    faces = replace(
+        FlatFaces.none((1, 4)),
+        normals=np.full((1, 4, 3), (0.6, 0.0, 0.8)),
+        weights=np.full((1, 4), 0.5),
+        observed=np.array([[True, True, False, False]]),
+    )
+    known, marked = np.array([[True, True, True, False]]), np.array([[True, False, False, False]])
+    targets, weights = faces.constrain(np.full((1, 4, 3), (0.0, 0.0, 1.0)), np.ones((1, 4)), known, marked)
+    assert weights.tolist() == [[1.0, 0.5, 1.0, 0.5]] and (targets[..., 0] == [[0.0, 0.6, 0.0, 0.6]]).all()
+
+
+def test_parallel_faces_with_another_between_them_stay_apart() -> None:
+    normals = np.full((90, 120, 3), unit(np.array([0.1, 0.0, 1.0])))
+    normals[:, 40:80] = unit(np.array([-0.2, 0.1, 1.0]))
+    mask = np.ones((90, 120), bool)
+    faces = find_faces(normals, np.full(mask.shape, 2.0), mask, inradius_of(mask))
+    assert sorted(int(np.argwhere(face.hull)[:, 1].mean()) for face in faces) == [19, 59, 99]

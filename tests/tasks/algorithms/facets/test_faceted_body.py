@@ -52,6 +52,7 @@ def test_a_neck_stands_on_its_shoulder() -> None:
 
 def test_depths_lie_in_the_planes_of_their_faces() -> None:
     body = body_of(np.isfinite(FRUSTUM.render()[1]), FRUSTUM.slope, INVERSE_FOCAL)
+    assert len(body.normals) >= 3
     for number, (corners, normal) in enumerate(zip(body.corners, body.normals, strict=True)):
         x, y = corners.T
         z = body.depths(x, y, np.full(len(x), number))

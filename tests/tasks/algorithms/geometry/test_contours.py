@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.contours import smooth_contour
+from glint.tasks.algorithms.geometry.contours import outermost_pixels, smooth_contour
 
 
 def disc(radius: float, centre: tuple[float, float] = (50.3, 48.6)) -> np.ndarray:
@@ -33,3 +33,12 @@ def test_a_line_of_single_pixels_has_a_contour() -> None:
     hairy[49, 70:95] = True
     contour = smooth_contour(hairy)
     assert np.isfinite(contour).all() and contour[:, 0].max() > 90.0
+
+
+def test_a_mask_goes_on_beyond_the_border_of_the_image_unless_that_is_outside() -> None:
+    mask = np.ones((4, 5), bool)
+    mask[:, 4] = False
+    beside_it, ring = np.zeros_like(mask), mask.copy()
+    beside_it[:, 3], ring[1:3, 1:3] = True, False
+    assert np.array_equal(outermost_pixels(mask), beside_it)
+    assert np.array_equal(outermost_pixels(mask, is_border_outside=True), ring)

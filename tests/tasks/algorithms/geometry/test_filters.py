@@ -20,7 +20,7 @@ def test_depth_counts_the_border_of_the_image_as_outside() -> None:
     assert depth_inside(full)[0, 4] == 1.0 and inradius_of(full) == 3.0
 
 
-@pytest.mark.parametrize(("sd", "tolerance"), [(2.0, 1e-5), (12.0, 1e-5), (30.0, 5e-3)])
+@pytest.mark.parametrize(("sd", "tolerance"), [(2.0, 1e-5), (12.0, 1e-5), (30.0, 1.5e-3)])
 def test_blur_is_gaussian_also_where_it_is_made_in_a_smaller_image(sd: float, tolerance: float) -> None:
     noise = np.random.default_rng(0).normal(size=(203, 250))
     values = (ndimage.gaussian_filter(noise, 8.0) > 0).astype(float)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.connected_parts import neighbours
-from glint.tasks.algorithms.geometry.grid_cut import Links, grid_cut, links
+from glint.tasks.algorithms.geometry.grid_cut import EDGE_FLOOR, Links, grid_cut, links
 
 SHAPE = (3, 4)
 
@@ -35,3 +35,14 @@ def test_no_labelling_that_keeps_given_pixels_has_less_energy(seed: int) -> None
 def test_nothing_is_left_to_cut_where_all_pixels_are_given() -> None:
     inside = np.indices(SHAPE).sum(axis=0) % 2 == 0
     assert (grid_cut(np.zeros(SHAPE), links([np.zeros(SHAPE)], 1.0), inside, ~inside) == inside).all()
+
+
+@pytest.mark.parametrize("gaussian", [False, True])
+def test_an_even_slope_links_neighbours_alike_by_its_steepness(gaussian: bool) -> None:
+    slope = np.add(*np.indices(SHAPE)).astype(float)
+    capacities = links([0.5 * slope, 0.5 * slope], 2.0, gaussian)
+    # Of two images the squares add up; diagonally the slope is 2 over 1.41 pixels, or none.
+    for (down, right), weight, square in (((0, 1), 1.0, 0.5), ((1, 1), 0.707, 1.0), ((1, -1), 0.707, 0.0)):
+        likeness = np.exp(-square) if gaussian else 1.0 / (1.0 + square)
+        capacity = capacities[down, right][neighbours(SHAPE, down, right)[0]]
+        assert capacity == pytest.approx(2.0 * weight * (likeness + EDGE_FLOOR), rel=1e-3)

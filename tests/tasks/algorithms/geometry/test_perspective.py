@@ -5,8 +5,10 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import (
     Cone,
+    aimed_along,
     areal_focal_length,
     camera_in_crop,
+    focal_length,
     half_vectors_for_view,
     half_vectors_on_axis,
     rotate_from_view,
@@ -28,6 +30,7 @@ def test_view_vectors_point_from_the_surface_to_the_camera() -> None:
 
 def test_the_areal_focal_length_keeps_the_area_of_a_pixel() -> None:
     assert areal_focal_length(CAMERA) ** 2 == pytest.approx(500.0 * 480.0)
+    assert focal_length(CAMERA) == 490.0
 
 
 def test_half_vectors_under_perspective_are_the_normals_of_a_mirror() -> None:
@@ -44,6 +47,22 @@ def test_normals_are_rotated_to_their_own_view_and_back() -> None:
     rotated = rotate_to_view(normals, VIEW)
     np.testing.assert_allclose(rotated[..., 2], (normals * VIEW).sum(axis=-1), atol=1e-5)
     np.testing.assert_allclose(rotate_from_view(rotated, VIEW), normals, atol=1e-5)
+
+
+def test_a_camera_that_is_aimed_elsewhere_shows_things_there_as_large() -> None:
+    forward = unit(np.array([0.5, -0.3, 1.0]))
+    rotation, focal = aimed_along(forward, CAMERA)
+    np.testing.assert_allclose(rotation @ forward, [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    corners = forward + 1e-4 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+    def area(matrix: np.ndarray, rays: np.ndarray) -> float:
+        points = rays @ matrix.T
+        first, second = np.diff(points[:, :2] / points[:, 2:], axis=0)
+        return abs(float(first[0] * second[1] - first[1] * second[0]))
+
+    aimed = np.array([[focal, 0.0, 0.0], [0.0, focal, 0.0], [0.0, 0.0, 1.0]])
+    assert area(aimed, corners @ rotation.T) == pytest.approx(area(CAMERA, corners), rel=1e-3)
 
 
 @pytest.mark.parametrize("centre", [(30.0, 10.0, -300.0), (-25.0, 20.0, -250.0)])

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.coverage import (
+    CAP_MAP_RADIUS,
     SIDES,
     Gap,
     _gaps,
@@ -96,6 +97,16 @@ def test_no_light_at_all_covers_nothing() -> None:
     assert result.covered_shares == {1.5: 0.0, 3.0: 0.0}
     assert sum(gap.share for gap in result.gaps) == pytest.approx(1.0)
     assert "100% of the normals" in gaps_message(result.gaps)
+    assert {gap.side for gap in result.gaps} == set(SIDES), "the innermost bands contain the centre"
+
+
+def test_frames_are_counted_where_their_half_vectors_are() -> None:
+    tilt = np.radians(20.0)
+    density = coverage(np.tile([0.6 * np.sin(tilt), 0.8 * np.sin(tilt), np.cos(tilt)], (10, 1))).density
+    row, column = np.unravel_index(np.nanargmax(density), density.shape)
+    assert 35 < row < 45 and 75 < column < 90, "upwards, and to the right"
+    pixel_deg = np.degrees(2.0 * CAP_MAP_RADIUS / len(density))
+    assert np.nansum(density) * pixel_deg**2 == pytest.approx(10.0, rel=1e-3)
 
 
 def test_gaps_that_overlap_are_counted_once() -> None:

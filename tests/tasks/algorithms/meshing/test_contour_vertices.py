@@ -58,6 +58,15 @@ def test_a_flat_plate_ends_at_its_own_height() -> None:
     assert np.abs(closer).max() < 1e-5
 
 
+def test_a_corner_that_lies_outside_of_the_smooth_contour_stays() -> None:
+    mask = np.zeros((40, 40), bool)
+    mask[10:30, 10:30] = True
+    contour = contour_of(mask)
+    assert contour.distance[10, 10] < 0.0
+    moves = moves_to_contour(np.full((40, 40), 7.0), mask, contour, np.array([10 * 40 + 10]))
+    assert np.abs(moves).max() == 0.0
+
+
 def test_no_triangle_is_turned_over_on_thin_and_ragged_parts() -> None:
     noise = cv2.GaussianBlur(np.random.default_rng(3).normal(size=(80, 80)), (0, 0), 2.0)
     mesh = mesh_from_depth(np.zeros((80, 80)), noise > 0.0, np.broadcast_to([0.0, 0.0, 1.0], (80, 80, 3)))

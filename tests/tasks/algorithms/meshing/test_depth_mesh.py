@@ -3,7 +3,9 @@ import pytest
 import trimesh
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import view_vectors
 from glint.tasks.algorithms.meshing.depth_mesh import RegionCamera, Surface, mesh_from_depth
+from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 from tests.tasks.algorithms.meshing.inclined_plane import plane
 
 
@@ -41,6 +43,18 @@ def test_perspective_projects_pixels_back(skew: float) -> None:
     assert (face_normals(mesh)[:, 2] > 0).all()
 
 
+def test_a_steep_plane_is_whole_under_perspective() -> None:
+    matrix = np.array([[400.0, 0.0, 11.5], [0.0, 400.0, 9.5], [0.0, 0.0, 1.0]])
+    normal = np.array([0.8, 0.0, 0.6])
+    rays = -view_vectors(matrix, (20, 24), 0.0, 0.0)
+    depth = (-rays[..., 2] / (rays @ normal)) * -100.0
+    mesh = mesh_from_depth(
+        depth, np.ones((20, 24), bool), np.broadcast_to(normal, (20, 24, 3)), RegionCamera(matrix=matrix)
+    )
+    assert len(mesh.triangles) == 2 * 19 * 23
+    assert np.ptp(mesh.vertices @ normal) < 1e-3
+
+
 def test_a_step_is_cut_and_a_steep_slope_is_not() -> None:
     depth, mask, normals = plane(10, 20, p=8.0)
     assert len(mesh_from_depth(depth, mask, normals).triangles) == 2 * 9 * 19
@@ -49,6 +63,13 @@ def test_a_step_is_cut_and_a_steep_slope_is_not() -> None:
     assert len(mesh.triangles) == 2 * 9 * 18
     assert trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).body_count == 2
     assert len(mesh_from_depth(depth, mask, normals, max_step=100.0, max_slope=100.0).triangles) == 2 * 9 * 19
+
+
+def test_a_crease_is_no_step() -> None:
+    x = np.indices((12, 17))[1] - 8.0
+    slope = np.where(x < 0.0, 2.0, -2.0)
+    normals = from_gradients(slope, np.zeros_like(slope))
+    assert len(mesh_from_depth(-2.0 * np.abs(x), np.ones(x.shape, bool), normals).triangles) == 2 * 11 * 16
 
 
 def test_a_slope_too_steep_to_be_observed_is_cut() -> None:
@@ -87,6 +108,14 @@ def test_missing_normals_are_those_of_the_triangles() -> None:
     normals[5, 5] = np.nan
     mesh = mesh_from_depth(depth, mask, normals)
     assert np.allclose(mesh.normals[5 * 17 + 5], expected, atol=1e-5)
+
+
+def test_a_pixel_of_unknown_confidence_has_none() -> None:
+    depth, mask, normals = plane()
+    confidence = np.full(mask.shape, 0.75, np.float32)
+    confidence[0, 0] = np.nan
+    mesh = mesh_from_depth(depth, mask, normals, confidence=confidence)
+    assert mesh.confidence[0] == 0.0 and (mesh.confidence[1:] == 0.75).all()
 
 
 def test_bad_input_is_refused() -> None:

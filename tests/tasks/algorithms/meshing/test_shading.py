@@ -30,11 +30,17 @@ def test_relit_pictures_are_brightest_where_the_normal_is_the_light() -> None:
         assert normals[row, column] @ np.array(light) > 0.99
         assert (picture[~mask] == 0).all()
     assert (pictures["relit_left"][:, :12].sum()) > pictures["relit_left"][:, -12:].sum()
+    for name in ("relit_left", "relit_right"):
+        assert pictures[name][:12].sum() > pictures[name][-12:].sum(), "the light comes from above"
 
 
 def test_normals_turned_from_the_light_and_missing_ones_are_black() -> None:
     normals = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [np.nan, np.nan, np.nan]]])
     assert relit(normals, np.ones((1, 3), bool), (0.0, 0.0, 1.0)).tolist() == [[255, 0, 0]]
+
+
+def test_normals_outside_the_mask_are_black() -> None:
+    assert relit(np.full((1, 2, 3), (0.0, 0.0, 1.0)), np.array([[True, False]]), (0.0, 0.0, 1.0)).tolist() == [[255, 0]]
 
 
 def test_the_drawn_surface_covers_its_silhouette() -> None:

@@ -15,3 +15,24 @@ def test_single_pixels_without_a_highlight_are_not_dark() -> None:
     assert dark[10:20, 10:20].all() and dark.sum() < 130
     steep = np.broadcast_to(tilted(60.0), (40, 40, 3))
     assert not pixels.dark(steep).any()
+
+
+def test_darkness_is_informative_where_most_pixels_that_face_the_lights_are_accepted() -> None:
+    mask = np.ones((40, 40), bool)
+    field = np.array(np.broadcast_to(tilted(10.0), (40, 40, 3)))
+    field[:20] = tilted(60.0)
+    pixels, accepted = LitPixels(mask, mask, INRADIUS, swept_cone()), np.zeros_like(mask)
+    accepted[:20] = True
+    assert not pixels.is_informative(field, accepted), "none of them faces the lights"
+    accepted[20:29] = True
+    assert not pixels.is_informative(field, accepted)
+    accepted[29:31] = True
+    assert pixels.is_informative(field, accepted)
+
+
+def test_of_every_other_pixel_the_inradius_is_half_as_many() -> None:
+    mask = np.ones((40, 30), bool)
+    mask[0] = False
+    half = LitPixels(~mask, mask, INRADIUS, swept_cone()).subsampled(2)
+    assert half.inradius == INRADIUS / 2 and half.mask.shape == (20, 15)
+    assert np.array_equal(half.lit, ~half.mask) and half.lit[0].all() and half.mask[1:].all()

@@ -172,6 +172,7 @@ def test_near_views_lie_in_their_regions_and_agree_with_the_model(tmp_path: Path
     options = CaptureOptions(frames=2, scale=0.3, sphere_radius=20.0, rays=1, views=3, focal=1.0, free_poses=free_poses)
     entry = load(simulate("bird", tmp_path, options).catalogue).object("bird")
     corners = trimesh.load(str(entry.truth_model)).vertices
+    assert len(entry.captures) == options.views
     for capture in entry.captures:
         assert capture.camera is not None and capture.region is not None and capture.pose is not None
         matrix, pose = np.array(capture.camera.matrix), np.eye(4)
