@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.flows.review.remedies import on_page
 from glint.storage.catalogue.models import MAX_PIXELS_PER_SIDE, Pixel, Positive
-from glint.tasks.review.capture_inputs import capture_inputs, mask_in_use
+from glint.tasks.review.capture_inputs import capture_inputs, mask_to_replace
 from glint.tasks.review.growing import grow
 from glint.tasks.review.pictures import frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
@@ -90,7 +90,7 @@ def growth(
 ) -> Response:
     """Return what is connected with a pixel and looks alike on a frame (its number) or level, white on black."""
     context = review.context(object_id, capture_id)
-    return _picture(grow(context, picture, x, y, tolerance, mask_in_use(context, edited_mask(context))))
+    return _picture(grow(context, picture, x, y, tolerance, mask_to_replace(context, edited_mask(context))))
 
 
 def _picture(data: bytes) -> Response:

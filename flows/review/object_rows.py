@@ -54,7 +54,9 @@ class Row:
         """Return what the view shows as JSON values."""
         names = "object capture state verdict reason warnings confident observed version date stage progress"
         names += " seconds_left error remedy"
-        return {name: getattr(self, name) for name in names.split()} | {"remedy": on_page(self.remedy)}
+        texts = {name: on_page(getattr(self, name)) for name in ("reason", "error", "remedy")}
+        warnings = [on_page(warning) for warning in self.warnings]
+        return {name: getattr(self, name) for name in names.split()} | texts | {"warnings": warnings}
 
 
 def object_rows(location: Location, object_id: str) -> list[Row]:

@@ -22,6 +22,8 @@ KEPT_BYTES = 20_000
 """Bytes of a failed run's errors in which its reason is looked for, the newest ones."""
 READ_SECONDS = 0.2
 """Interval at which a run's reports are read."""
+AGAIN = "run again: it goes on where it stopped; the dashboard has the details"
+"""What to do about a run that has ended without saying why."""
 
 
 @dataclass
@@ -56,7 +58,7 @@ class Run:
     def to_json(self) -> dict[str, Any]:
         """Return the run as JSON values."""
         seconds = round((self.ended or time.time()) - self.started, 1)
-        return asdict(self) | {"seconds": seconds, "remedy": on_page(self.remedy)}
+        return asdict(self) | {"seconds": seconds, "error": on_page(self.error), "remedy": on_page(self.remedy)}
 
 
 class Runs:
@@ -132,7 +134,7 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         run.error = next((line.removeprefix("glint: ") for line in lines if line.startswith("glint: ")), "it ended")
-        run.remedy = next((line.removeprefix("-> ") for line in lines if line.startswith("-> ")), "see the dashboard")
+        run.remedy = next((line.removeprefix("-> ") for line in lines if line.startswith("-> ")), AGAIN)
     yield
 
 

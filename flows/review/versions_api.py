@@ -23,6 +23,10 @@ class Rollback(BaseModel):
 @router.get("/versions")
 def versions(review: ReviewState, object_id: ObjectId) -> list[dict[str, Any]]:
     """Return the versions, newest first: name, time, message, captures, and the run that made it."""
+    if review.repository(object_id) is None:
+        # Nothing has run yet; this refuses an object that the catalogue does not list either.
+        review.captures(object_id)
+        return []
     item = review.stored(object_id)
     return [
         {

@@ -92,6 +92,18 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     return whole
 
 
+def mask_to_replace(context: CaptureContext, edited: np.ndarray | None = None) -> np.ndarray:
+    """Return the mask that `mask_in_use` does, empty where it cannot be used: a person makes another one in its place.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store cannot be read.
+    """
+    try:
+        return mask_in_use(context, edited)
+    except InputError:
+        return np.zeros(first_frame(context).shape, bool)
+
+
 def check_changes(changes: Changes, context: CaptureContext) -> None:
     """Check that what a person drew lies in the capture's frames, and does not contradict the catalogue.
 

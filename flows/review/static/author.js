@@ -8,8 +8,9 @@ export class Author {
   /** what: is saved with the name, as in "change". */
   constructor(what) {
     this.what = what;
-    this.input = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": `Your name, saved with every ${what}`, autocomplete: "name", onchange: () => localStorage.setItem(KEPT, this.input.value) });
+    this.input = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": `Your name, saved with every ${what}`, autocomplete: "name", oninput: () => this.written(), onchange: () => localStorage.setItem(KEPT, this.input.value) });
     this.input.value = localStorage.getItem(KEPT) ?? "";
+    this.isAskedFor = false;
   }
 
   /** The name; where there is none it is asked for. */
@@ -17,9 +18,16 @@ export class Author {
     const name = this.input.value.trim();
     if (!name) {
       announce(`Write your name: it is saved with every ${this.what}.`, "error");
+      this.isAskedFor = true;
       this.input.focus();
     }
     return name;
+  }
+
+  /** Takes the request for the name away once there is one. */
+  written() {
+    if (this.isAskedFor) announce("");
+    this.isAskedFor = false;
   }
 }
 
@@ -27,7 +35,7 @@ export class Author {
 export function showConflict(place, verb, details, { keep, take }) {
   const own = element("button", { type: "button", onclick: keep }, "Save mine over it");
   const theirs = element("button", { type: "button", onclick: take }, "Take theirs");
-  const both = element("p", {}, "Both stay in the history, whichever you choose.");
+  const both = element("p", {}, "Theirs is saved, and stays in the history if you save yours over it. If you take theirs, yours is lost.");
   place.replaceChildren(element("div", { class: "conflict" }, element("b", {}, `Not saved: somebody else has ${verb} the same.`), details, both, element("div", { class: "line" }, own, theirs)));
   own.focus();
 }

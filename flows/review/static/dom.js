@@ -24,10 +24,11 @@ export function addStyleSheets(...addresses) {
 /** How long a message that is no error is shown, in milliseconds. */
 const MESSAGE_MS = 5000;
 
-/** Shows a message at the bottom; errors stay until the next one. */
+/** Shows a message near the bottom; errors stay until the next one, or until a person closes them. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");
   status.className = kind;
+  status.title = kind === "error" ? "Click it, or press Escape, to close it" : "";
   status.textContent = text;
   clearTimeout(announce.timer);
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);

@@ -49,28 +49,34 @@ async function show() {
   const main = document.getElementById("main");
   const root = element("div", { class: "view" });
   main.replaceChildren(root);
+  main.setAttribute("aria-busy", "true");
   announce("");
+  const { signal } = leaving;
   try {
     const place = placeOf(location.hash);
     showPlace(place);
     if (!place) {
-      await (await import("./catalogue.js")).open(root, leaving.signal);
+      await (await import("./catalogue.js")).open(root, signal);
       return;
     }
     const view = VIEWS.find(([name]) => name === place.view) ?? VIEWS[0];
     const capture = { ...place, path: capturePath(place.object, place.capture) };
-    await (await view[2]()).open(root, capture, leaving.signal);
+    await (await view[2]()).open(root, capture, signal);
   } catch (error) {
     if (error.name === "AbortError") return;
     if (error instanceof ApiError && error.status === 401) location.assign(`/open${location.hash}`);
     // What a view has begun to lay out has no place for it.
     root.className = "view";
     root.replaceChildren(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));
+  } finally {
+    if (!signal.aborted) main.removeAttribute("aria-busy");
   }
 }
 
 document.getElementById("help").addEventListener("click", showKeys);
+document.getElementById("status").addEventListener("click", () => announce(""));
 addEventListener("keydown", (event) => {
+  if (event.key === "Escape") announce("");
   if (event.key === "?" && !event.target.closest?.("input, textarea")) showKeys();
 });
 document.querySelector(".skip").addEventListener("click", (event) => {

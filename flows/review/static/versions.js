@@ -8,6 +8,8 @@ import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
 
+const DIGEST = /^[0-9a-f]{64}$/;
+
 export async function open(root, capture, signal) {
   addStyles();
   const place = element("div", { class: "surface-page" });
@@ -69,6 +71,7 @@ export async function open(root, capture, signal) {
     const form = element("form", {}, text, author.input, add);
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
+      if (!text.value.trim()) return announce("Write the note first.", "error");
       const name = author.name;
       if (!name) return;
       add.disabled = true;
@@ -76,6 +79,7 @@ export async function open(root, capture, signal) {
         await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: name, base_revision: revision } });
         written = await notes();
         section.replaceWith(written);
+        announce("Note added.");
       } catch (error) {
         announceError(error);
       } finally {
@@ -97,10 +101,15 @@ function differences({ figures, changes }, { before, after }) {
   if (before === after) return element("p", { class: "faint" }, `${before} is on both sides: choose another version on one of them, once there is one.`);
   const shown = Object.entries(figures).filter(([, value]) => value !== null);
   const words = shown.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, valueWords(name, value))));
-  const rows = changes.map((change) => element("tr", {}, ...[change.stage, change.name, change.before, change.after].map((text) => element("td", {}, text))));
+  const rows = changes.map((change) => element("tr", {}, ...[change.stage, change.name, change.before, change.after].map((text) => element("td", { title: text }, shortened(text)))));
   const head = element("thead", {}, element("tr", {}, ...["Stage", "What", before, after].map((text) => element("th", { scope: "col" }, text))));
   const table = rows.length ? element("table", {}, head, element("tbody", {}, ...rows)) : element("p", { class: "faint" }, "Parameters, inputs and code are the same.");
   return element("section", { class: "changes" }, element("h2", {}, `From ${before} to ${after}`), element("table", {}, element("tbody", {}, ...words)), element("h2", {}, "What changed"), table);
+}
+
+/** A digest by its beginning, which is enough to tell two apart; any other text as it is. */
+function shortened(text) {
+  return DIGEST.test(text) ? `contents ${text.slice(0, 8)}…` : text;
 }
 
 function valueWords(name, value) {

@@ -16,6 +16,7 @@ from glint.storage.edits.models import mask_png
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from tests.glint.sample_store import Sphere, save_sphere
+from tests.pictures import decode_picture
 
 CATALOGUE = "schema: 1\nname: x\nobjects:\n- {id: vase, captures: [{id: front, frames: %s}]}\n"
 INPUTS = "/api/captures/vase/front/inputs"
@@ -70,6 +71,27 @@ def test_a_store_that_was_removed_and_filled_again_is_shown_as_it_is_now(tmp_pat
     assert browser.get("/api/objects/vase/differences/v1/v1/front").status_code == 200
     rolled_back = browser.post("/api/objects/vase/rollback", json={"version": "v1"})
     assert rolled_back.json() == {"version": "v1", "created": False}
+
+
+def test_an_object_that_never_ran_has_no_versions_and_one_that_nobody_lists_is_absent(tmp_path: Path) -> None:
+    (tmp_path / "catalogue.yaml").write_text(CATALOGUE % "a.mp4")
+    browser = client(tmp_path / "store", tmp_path / "catalogue.yaml")
+    answer = browser.get("/api/objects/vase/versions")
+    assert (answer.status_code, answer.json()) == (200, [])
+    assert browser.get("/api/objects/cup/versions").status_code == 404
+
+
+def test_a_mask_is_grown_in_place_of_one_that_cannot_be_used(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "1.png").write_bytes(mask_png(np.ones((4, 6), bool)))
+    (tmp_path / "mask.png").write_bytes(mask_png(np.ones((3, 3), bool)))
+    (tmp_path / "catalogue.yaml").write_text(CATALOGUE % "frames, mask: mask.png")
+    browser = client(tmp_path / "store", tmp_path / "catalogue.yaml")
+    refused = browser.get("/api/captures/vase/front/mask")
+    assert refused.status_code == 422 and "paint the mask with Brush" in refused.json()["remedy"]
+    grown = browser.get("/api/captures/vase/front/growth?x=2&y=2&tolerance=10&picture=0")
+    assert grown.status_code == 200
+    assert decode_picture(grown.content, cv2.IMREAD_GRAYSCALE).all()
 
 
 def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_path: Path) -> None:

@@ -266,6 +266,13 @@ def test_the_newest_run_counts_whether_the_page_has_started_it_or_not() -> None:
         assert known.applied(earlier).state == state
 
 
+def test_what_a_row_says_is_said_in_the_words_of_the_page() -> None:
+    text = "no sphere: give `spheres` in the catalogue"
+    shown = Row("glass", "front", "failed", reason=text, warnings=(text,), error=text, remedy=text).to_json()
+    texts = [shown["reason"], *shown["warnings"], shown["error"], shown["remedy"]]
+    assert texts == ["no sphere: draw its circle with Spheres"] * 4
+
+
 def test_a_capture_that_failed_before_it_stored_anything_is_shown(tmp_path: Path) -> None:
     made = filled(Row("bowl", "front", "done"))
     made._states._failed = {"glass/front": {"stage": "survey", "error": "no sphere", "ended": ""}}

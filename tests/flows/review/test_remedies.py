@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from glint import tasks as tasks_package
-from glint.flows.review.remedies import on_page
+from glint.flows.review.remedies import PAINT, on_page
+from glint.flows.runtime import signals
 
 TASKS = Path(tasks_package.__file__).parent
 ELSEWHERE = ("glint check", "`spheres", "`mask", "`camera", "in the catalogue")
@@ -46,6 +47,12 @@ def test_a_scale_is_corrected_by_the_tool() -> None:
     assert on_page(told).endswith("large: correct it with Scale")
     unknown = "give `pixel_size`, or a sphere's `diameter_mm`, for all views or for none"
     assert on_page(unknown) == "give it with Scale for all views or for none"
+
+
+def test_what_an_input_or_a_run_lacks_is_mended_on_the_page() -> None:
+    assert on_page("it must have the frame's 288 x 176 pixels").endswith("pixels; or " + PAINT)
+    assert on_page("paint the object white on black, or leave the mask out to have it estimated") == PAINT
+    assert on_page(signals.LINE.removeprefix("glint: ")) == "the run was interrupted"
 
 
 def test_what_names_no_file_and_no_key_is_left_as_it_is() -> None:

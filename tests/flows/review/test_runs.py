@@ -14,6 +14,7 @@ import pytest
 
 from glint import reading
 from glint.flows.review.runs import Run, Runs, note
+from glint.flows.runtime import signals
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.catalogue.loading import Capture, Catalogue, Object, load, write
 from glint.storage.edits.edits import Edits
@@ -82,6 +83,14 @@ def test_a_run_whose_reports_are_not_understood_ends_as_failed() -> None:
     runs, run = Runs("store"), Run("glass/front")
     runs._follow(run, [sys.executable, "-c", f"print({report!r})"])
     assert run.state == "failed" and "cannot be followed" in run.error and runs.revision == 1
+
+
+def test_a_run_that_was_stopped_says_so_and_how_it_goes_on() -> None:
+    run = Run("glass/front")
+    Runs("store")._follow(run, [sys.executable, "-c", f"import sys; sys.exit({signals.LINE!r})"])
+    told = run.to_json()
+    assert (told["state"], told["error"]) == ("failed", "the run was interrupted")
+    assert told["remedy"].startswith("run again: it goes on where it stopped")
 
 
 def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_computed(

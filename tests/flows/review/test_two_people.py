@@ -140,6 +140,7 @@ def test_different_inputs_are_both_kept_and_the_same_one_is_a_conflict(served: S
         saved(ada)
         bob.page.click("aside .save button:has-text('Save')")
         bob.page.wait_for_selector(".conflict >> text=Ada changed spheres")
+        assert "If you take theirs, yours is lost" in bob.page.inner_text(".conflict")
         edits = asked(served, "edits")
         assert edits["pixel_size"] == 0.25 and edits["spheres"][0]["x"] == pytest.approx(centre[0] + 2.0, abs=0.6)
         bob.page.click("text=Save mine over it")

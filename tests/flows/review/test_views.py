@@ -208,7 +208,7 @@ def test_region_and_scale_are_set_by_keyboard_and_line(served: ServedPage, tab: 
     region = asked(served, "inputs")["used"]["region"]
     page.keyboard.press("r")
     page.fill("input[aria-label='Region: width']", str(region["width"] - 3))
-    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
     page.keyboard.press("l")
     drag(tab, (10, 10), (60, 10))
     page.fill("[aria-label='Length of the line in millimetres']", "25")

@@ -114,6 +114,8 @@ export class Picture {
     let start = null;
     this.container.addEventListener("pointercancel", () => (start = null), { signal });
     this.container.addEventListener("pointerdown", (event) => {
+      // Konva prevents what would take the keys away from a field that was filled in before.
+      this.container.focus({ preventScroll: true });
       const isShape = this.stage.getIntersection(this.offset(event)) !== null;
       const pans = event.button === 1 || (event.button === 0 && this.pans && !isShape);
       start = { x: event.clientX, y: event.clientY, stageX: this.stage.x(), stageY: this.stage.y(), pans, moved: false };

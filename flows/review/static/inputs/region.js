@@ -17,7 +17,8 @@ export class RegionLayer {
       handle.on("dragmove", () => this.dragged(handle));
       handle.on("dragend", () => this.noted(this.before));
     });
-    this.fields = element("div", { class: "fields" });
+    this.inputs = FIELDS.map(([name]) => element("input", { type: "number", step: "1", min: "0", "aria-label": `Region: ${name}`, onchange: (event) => this.typed(name, Number(event.target.value)) }));
+    this.fields = element("div", { class: "fields" }, FIELDS.map(([, text], i) => element("label", {}, text, this.inputs[i])));
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Region"), this.fields, this.state);
     view.picture.onzoom.push(() => this.rescale());
@@ -71,16 +72,14 @@ export class RegionLayer {
     const { region } = this;
     this.rectangle.visible(Boolean(region));
     this.state.textContent = this.isChanged ? "changed, not saved" : this.origin;
+    this.fields.hidden = !region;
     if (!region) return;
     this.rectangle.setAttrs({ x: region.x - 0.5, y: region.y - 0.5, width: region.width, height: region.height });
     for (const handle of this.handles) {
       const name = handle.name();
       handle.position({ x: region.x - 0.5 + (name.includes("right") ? region.width : 0), y: region.y - 0.5 + (name.includes("bottom") ? region.height : 0) });
     }
-    this.fields.replaceChildren(...FIELDS.map(([name, text]) => element("label", {}, text, element("input", {
-      type: "number", step: "1", min: "0", value: String(region[name]), "aria-label": `Region: ${name}`,
-      onchange: (event) => this.typed(name, Number(event.target.value)),
-    }))));
+    FIELDS.forEach(([name], i) => (this.inputs[i].value = String(region[name])));
     this.rescale();
   }
 
@@ -92,7 +91,7 @@ export class RegionLayer {
       const before = { ...this.region };
       this.region = next;
       this.noted(before);
-    }
+    } else announce(`The region cannot have ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
     this.draw();
   }
 
@@ -147,14 +146,15 @@ export class ScaleLayer {
     }, { signal });
     container.addEventListener("pointermove", (event) => {
       if (!this.start) return;
+      this.isDrawn = true;
       const end = this.view.picture.pointer(event);
       this.line.setAttrs({ points: [this.start.x, this.start.y, end.x, end.y], visible: true });
       this.show();
     }, { signal });
-    container.addEventListener("pointercancel", () => (this.start = null), { signal });
+    container.addEventListener("pointercancel", () => (this.start = this.isDrawn = null), { signal });
     container.addEventListener("pointerup", () => {
-      if (this.start && this.pixels) this.length.focus();
-      this.start = null;
+      if (this.isDrawn) this.length.focus();
+      this.start = this.isDrawn = null;
     }, { signal });
   }
 

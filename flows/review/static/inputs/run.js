@@ -78,7 +78,7 @@ export class RunPanel {
     if (run.state === "running") {
       const share = run.total ? run.done / run.total : null;
       const stored = Object.values(run.stages).filter((seconds) => seconds === null).length;
-      const parts = [run.stage || "starting", share === null ? "" : percent(share), duration(run.seconds), stored ? `${stored} stages kept` : ""];
+      const parts = [run.stage || "starting", share === null ? "" : percent(share), run.seconds_left ? `about ${duration(run.seconds_left)} left` : `for ${duration(run.seconds)}`, stored ? `${stored} stages kept` : ""];
       this.show(parts.filter(Boolean).join(" · "), "", share);
       this.later(() => this.look(), POLL_MS);
       return;

@@ -13,7 +13,8 @@ export class SavePanel {
     this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
-    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict, this.revisions);
+    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict);
+    this.past = element("section", { class: "save past" }, this.revisions);
     this.show();
   }
 
@@ -24,6 +25,7 @@ export class SavePanel {
     this.redoButton.disabled = !history.undone.length;
     if (this.shown === edits) return;
     this.shown = edits;
+    this.past.hidden = !edits.history.length;
     this.revisions.replaceChildren(...edits.history.slice(0, 8).map((revision) =>
       element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${moment(revision.time)}`),
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));

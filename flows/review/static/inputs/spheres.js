@@ -3,6 +3,7 @@
 import { ask } from "../api.js";
 import { announceError, element } from "../dom.js";
 import { Konva } from "../vendor.js";
+import { LEAST_RADIUS_PX, SphereList } from "./sphere_list.js";
 
 const COLOUR = "#7db7ff";
 const CHOSEN = "#ffd27a";
@@ -18,8 +19,8 @@ export class SphereLayer {
     this.group = new Konva.Group();
     view.picture.shapes.add(this.group);
     this.root = element("section", {}, element("h2", {}, "Chrome spheres"));
-    this.list = element("div", { class: "sphere-list" });
-    this.root.append(this.list);
+    this.list = new SphereList(this);
+    this.root.append(this.list.root);
     this.reset();
     view.picture.onzoom.push(() => this.rescale());
   }
@@ -55,14 +56,11 @@ export class SphereLayer {
 
   draw() {
     this.group.destroyChildren();
-    this.list.replaceChildren();
-    if (!this.spheres.length) this.list.append(element("p", { class: "faint" }, "None. Double-click the picture with the tool Spheres, or press a."));
     this.spheres.forEach((sphere, number) => {
       this.drawFit(number);
       this.drawCircle(sphere, number);
-      this.list.append(this.entry(sphere, number));
     });
-    if (this.origin) this.list.append(element("p", { class: "faint" }, this.isChanged ? "changed, not saved" : this.origin));
+    this.list.show(this.isChanged ? "changed, not saved" : this.origin);
     this.rescale();
   }
 
@@ -81,7 +79,7 @@ export class SphereLayer {
     circle.on("dragstart", () => (this.chosen = number));
     circle.on("dragmove", () => { sphere.x = circle.x(); sphere.y = circle.y(); this.fits.delete(number); follow(); });
     handle.on("dragmove", () => {
-      sphere.radius = Math.max(3, Math.hypot(handle.x() - sphere.x, handle.y() - sphere.y));
+      sphere.radius = Math.max(LEAST_RADIUS_PX, Math.hypot(handle.x() - sphere.x, handle.y() - sphere.y));
       circle.radius(sphere.radius);
       this.fits.delete(number);
     });
@@ -101,37 +99,6 @@ export class SphereLayer {
     for (const handle of this.group.find(".handle")) handle.radius(7 / zoom);
     for (const cross of this.group.find(".cross")) cross.scale({ x: 6 / zoom, y: 6 / zoom });
     for (const shape of this.group.find("Circle")) shape.hitStrokeWidth(12);
-  }
-
-  entry(sphere, number) {
-    const field = (name, text) => element("label", {}, text, element("input", {
-      type: "number", step: "0.5", value: String(Math.round(sphere[name] * 10) / 10), "aria-label": `${text} of sphere ${number + 1}`,
-      onchange: (event) => {
-        const value = Number(event.target.value);
-        if (!Number.isFinite(value) || (name === "radius" && value < 3)) return this.draw();
-        const before = { ...sphere };
-        sphere[name] = value;
-        this.moved(number, before);
-      },
-    }));
-    const diameter = element("label", {}, "diameter in mm", element("input", {
-      type: "number", step: "0.1", min: "0", value: sphere.diameter_mm ? String(sphere.diameter_mm) : "", placeholder: "?", title: "Diameter in millimetres: gives the scale", "aria-label": `Diameter of sphere ${number + 1} in millimetres`,
-      onchange: (event) => { const before = { ...sphere }; sphere.diameter_mm = Number(event.target.value) || null; this.moved(number, before); },
-    }));
-    const choose = element("button", { type: "button", class: "quiet", "aria-pressed": String(number === this.chosen), onclick: () => { this.chosen = number; this.view.use("spheres"); } }, `${number + 1}`);
-    const remove = element("button", { type: "button", class: "quiet", "aria-label": `Remove sphere ${number + 1}`, onclick: () => this.remove(number) }, "Remove");
-    return element("div", { class: "sphere" }, element("div", { class: "fields" }, choose, field("x", "x"), field("y", "y"), field("radius", "r")),
-      element("div", { class: "fields" }, diameter, remove), this.fitText(number));
-  }
-
-  fitText(number) {
-    const fit = this.fits.get(number);
-    if (fit === undefined) return null;
-    if (fit === null) return element("p", { class: "faint", role: "status" }, "measuring the contour ..");
-    if (!fit.is_clear) return element("p", { class: "doubt", role: "status" }, "No contour is seen near here: the circle would be used as drawn.");
-    const misfit = `centre ${fit.misfit_px.toFixed(1)} px, radius ${fit.misfit_radius_px.toFixed(1)} px off the contour`;
-    const take = element("button", { type: "button", onclick: () => this.take(number) }, "Take the fit");
-    return element("p", { class: fit.is_corrected ? "doubt" : "good", role: "status" }, misfit, fit.is_corrected ? ": a run would use the contour. " : ". ", take);
   }
 
   moved(number, before) {
@@ -207,7 +174,7 @@ export class SphereLayer {
     const sphere = this.spheres[this.chosen];
     if (!sphere) return;
     const before = { ...sphere };
-    sphere.radius = Math.max(3, sphere.radius + by * NUDGE_PX);
+    sphere.radius = Math.max(LEAST_RADIUS_PX, sphere.radius + by * NUDGE_PX);
     this.settle(before);
   }
 

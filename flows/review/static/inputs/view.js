@@ -61,13 +61,17 @@ class InputsView {
     this.run = new RunPanel(this);
     this.save = new SavePanel(this);
     this.side.append(
-      this.verdict(), this.save.root, this.run.root, this.lights.root, this.pixel.root, this.spheres.root, this.mask.root,
+      this.verdict(), this.save.root, this.save.past, this.run.root, this.lights.root, this.pixel.root, this.spheres.root, this.mask.root,
       this.region.root, this.scale.root, this.camera.root, this.pose.root,
     );
     for (const [name, text, key] of TOOLS) {
       this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: (event) => this.choose(name, event.detail === 0) }, text, " ", element("kbd", {}, key)));
     }
     this.bindKeys();
+    this.side.addEventListener("keydown", (event) => {
+      // A number is entered: keys go to the picture again.
+      if (event.target.matches("input[type=number]") && ["Enter", "Escape"].includes(event.key)) this.stage.focus({ preventScroll: true });
+    });
     this.picture.onclick = (point, event) => this.clicked(point, event);
     this.use("look");
     this.show("background");

@@ -9,6 +9,8 @@ const CIRCLE = 96;
 const CAMERA = 27;
 const INNER = 74;
 const FAR = 10;
+/** Letters of a capture's name that have room beside its camera. */
+const LONGEST_NAME = 16;
 
 /** Where the camera of a pose stands: x to the right, z to the bottom, as far as the plan shows it; null: not known. */
 export function direction(pose) {
@@ -45,7 +47,7 @@ export class Plan {
       draw("line", { class: "sight" }),
       draw("rect", { x: String(-CAMERA / 2), y: String(-CAMERA / 2), width: String(CAMERA), height: String(CAMERA), rx: "3" }),
       draw("image", { href: `${path}/thumbnail`, x: String(-CAMERA / 2 + 1), y: String(-CAMERA / 2 + 1), width: String(CAMERA - 2), height: String(CAMERA - 2) }),
-      draw("text", { y: String(CAMERA / 2 + 8) }, capture));
+      draw("title", {}, capture), draw("text", { y: String(CAMERA / 2 + 8) }, capture.length > LONGEST_NAME ? `${capture.slice(0, LONGEST_NAME)}…` : capture));
     group.addEventListener("pointerdown", (event) => {
       if (this.views[number].pose?.turntable === undefined) return;
       event.preventDefault();

@@ -59,7 +59,9 @@ export class Profile {
     this.element.hidden = !isOn;
     if (isOn) this.overlay.append(this.group);
     else this.group.remove();
-    if (isOn) this.update();
+    if (!isOn) return;
+    this.update();
+    this.element.scrollIntoView({ block: "nearest" });
   }
 
   /** Begin a new line where the pointer went down; returns what follows the pointer. */

@@ -139,7 +139,7 @@ export class SurfaceView {
 
   offerPhotographs(photographs) {
     this.frames = photographs.filter(({ frame, light }) => frame !== null && light);
-    const options = this.frames.length ? [["nearest", "the frame with the nearest light"]] : [];
+    const options = this.frames.length ? [["nearest", "frame of the nearest light"]] : [];
     const names = { maximum: "the brightest of all frames", median: "the median of all frames" };
     for (const { label, part } of photographs) if (label in names) options.push([part, names[label]]);
     this.which.replaceChildren(...options.map(([value, text]) => make("option", { value }, text)));

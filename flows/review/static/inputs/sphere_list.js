@@ -1,0 +1,82 @@
+// The chrome spheres as a list beside the picture: their numbers, to be typed, and how far each is off the contour.
+
+import { announce, element } from "../dom.js";
+
+export const LEAST_RADIUS_PX = 3;
+
+export class SphereList {
+  /** layer: the circles on the picture. */
+  constructor(layer) {
+    this.layer = layer;
+    this.root = element("div", { class: "sphere-list" });
+    this.origin = element("p", { class: "faint" });
+    this.none = element("p", { class: "faint" }, "None. Double-click the picture with the tool Spheres, or press a.");
+    this.entries = [];
+  }
+
+  /** Shows the layer's spheres; fields stay the same elements, so that the keyboard's place among them is kept. */
+  show(origin) {
+    const { spheres } = this.layer;
+    if (this.entries.length !== spheres.length || !spheres.length) {
+      this.entries = spheres.map((_, number) => this.entry(number));
+      this.root.replaceChildren(...(spheres.length ? this.entries.map(({ root }) => root) : [this.none]), this.origin);
+    }
+    this.entries.forEach((entry, number) => this.fill(entry, number));
+    this.origin.textContent = origin;
+    this.origin.hidden = !origin;
+  }
+
+  entry(number) {
+    const { layer } = this;
+    const field = (name, label, attributes) => element("input", {
+      type: "number", "aria-label": label, ...attributes,
+      oninput: (event) => (this.typing = event.target),
+      onblur: () => (this.typing = null),
+      onchange: (event) => this.typed(number, name, event.target.value),
+    });
+    const numbers = [["x", "x"], ["y", "y"], ["radius", "r"]].map(([name, text]) => [name, text, field(name, `${text} of sphere ${number + 1}`, { step: "0.5" })]);
+    const diameter = field("diameter_mm", `Diameter of sphere ${number + 1} in millimetres`, { step: "0.1", min: "0", placeholder: "?", title: "Diameter in millimetres: gives the scale" });
+    const choose = element("button", { type: "button", class: "quiet", onclick: () => { layer.chosen = number; layer.view.use("spheres"); } }, `${number + 1}`);
+    const remove = element("button", { type: "button", class: "quiet", "aria-label": `Remove sphere ${number + 1}`, onclick: () => layer.remove(number) }, "Remove");
+    const fit = element("div", {});
+    const root = element("div", { class: "sphere" },
+      element("div", { class: "fields" }, choose, numbers.map(([, text, input]) => element("label", {}, text, input))),
+      element("div", { class: "fields" }, element("label", {}, "diameter in mm", diameter), remove), fit);
+    return { root, choose, fit, inputs: { ...Object.fromEntries(numbers.map(([name, , input]) => [name, input])), diameter_mm: diameter } };
+  }
+
+  fill({ choose, fit, inputs }, number) {
+    const sphere = this.layer.spheres[number];
+    choose.setAttribute("aria-pressed", String(number === this.layer.chosen));
+    for (const [name, input] of Object.entries(inputs)) {
+      const value = name === "diameter_mm" ? sphere[name] : Math.round(sphere[name] * 10) / 10;
+      if (input !== this.typing) input.value = value === null ? "" : String(value);
+    }
+    const text = this.fitText(number);
+    fit.hidden = !text;
+    fit.replaceChildren(...(text ? [text] : []));
+  }
+
+  /** Takes a number that was typed; an empty field is no number, but that of the diameter may be empty. */
+  typed(number, name, text) {
+    this.typing = null;
+    const { layer } = this, before = { ...layer.spheres[number] };
+    const value = name === "diameter_mm" ? Number(text) || null : Number(text);
+    if (name === "radius" && text !== "" && !(value >= LEAST_RADIUS_PX)) announce(`A sphere cannot have the radius ${text}: give at least ${LEAST_RADIUS_PX} pixels.`, "error");
+    else if (name === "diameter_mm" || text !== "") {
+      layer.spheres[number][name] = value;
+      return layer.moved(number, before);
+    }
+    layer.draw();
+  }
+
+  fitText(number) {
+    const fit = this.layer.fits.get(number);
+    if (fit === undefined) return null;
+    if (fit === null) return element("p", { class: "faint", role: "status" }, "measuring the contour …");
+    if (!fit.is_clear) return element("p", { class: "doubt", role: "status" }, "No contour is seen near here: the circle would be used as drawn.");
+    const misfit = `centre ${fit.misfit_px.toFixed(1)} px, radius ${fit.misfit_radius_px.toFixed(1)} px off the contour`;
+    const take = element("button", { type: "button", onclick: () => this.layer.take(number) }, "Take the fit");
+    return element("p", { class: fit.is_corrected ? "doubt" : "good", role: "status" }, misfit, fit.is_corrected ? ": a run would use the contour. " : ". ", take);
+  }
+}

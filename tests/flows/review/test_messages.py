@@ -1,0 +1,108 @@
+"""What the page says: it goes when it no longer holds, hides nothing that is needed, and names what was refused."""
+
+from typing import Any
+
+import pytest
+
+from tests.flows.review.conftest import ServedPage, Tab
+from tests.flows.review.inputs_view import INPUTS, READY, settle
+from tests.polling import until
+
+pytestmark = pytest.mark.long
+
+STATUS = "document.getElementById('status').textContent"
+VERSIONS, SURFACE = INPUTS.replace("inputs", "versions"), INPUTS.replace("inputs", "surface")
+
+
+def test_the_request_for_a_name_goes_when_it_is_written(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.focus("main")
+    page.keyboard.press("a")
+    page.wait_for_selector(".sphere:nth-child(2)")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS}.startsWith('Write your name')")
+    page.keyboard.type("A")
+    tab.wait(f"{STATUS} === ''")
+
+
+def test_an_error_covers_no_control_and_is_closed_by_mouse_and_keys(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.route("**/level/peak", lambda route: route.abort())
+    for close in (lambda: page.click("#status"), lambda: page.keyboard.press("Escape")):
+        page.focus("main")
+        page.keyboard.press("m")
+        tab.wait(f"{STATUS} !== ''")
+        status, timeline = (page.locator(name).bounding_box() for name in ("#status", ".timeline"))
+        assert status["y"] + status["height"] <= timeline["y"]
+        close()
+        assert page.evaluate(STATUS) == ""
+    tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("Region: width", "5000", "The region cannot have width 5000"),
+        ("r of sphere 1", "1", "A sphere cannot have the radius 1"),
+    ],
+)
+def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, words: str) -> None:
+    page = tab.open(INPUTS, READY)
+    before = page.input_value(f"[aria-label='{field}']")
+    page.fill(f"[aria-label='{field}']", value)
+    page.keyboard.press("Enter")
+    tab.wait(f"{STATUS}.startsWith({words!r})")
+    assert page.input_value(f"[aria-label='{field}']") == before
+
+
+def test_a_note_without_words_is_refused_in_words_and_one_with_them_confirmed(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(VERSIONS, ".versions textarea")
+    page.fill(".versions form input", "Ada")
+    for text, words in (("  ", "Write the note first."), ("a crack", "Note added.")):
+        page.fill(".versions textarea", text)
+        page.click("text=Add the note")
+        tab.wait(f"{STATUS} === {words!r}")
+    settle(tab)
+
+
+def test_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
+    def two_versions(route: Any) -> None:
+        answer = route.fetch()
+        (version, *_) = answer.json()
+        route.fulfill(response=answer, json=[version | {"name": "v2"}, version])
+
+    def difference(route: Any) -> None:
+        answer = route.fetch(url=route.request.url.replace("/v1/v2/", "/v1/v1/"))
+        if not route.request.url.endswith("/front"):
+            return route.fulfill(response=answer)
+        change = {"stage": "markup", "name": "input markup", "before": "not set", "after": "7218b1ff" * 8}
+        return route.fulfill(response=answer, json=answer.json() | {"changes": [change]})
+
+    tab.page.route("**/hemisphere/versions", two_versions)
+    tab.page.route("**/differences/v1/v2/**", difference)
+    page = tab.open(VERSIONS, ".versions .changes")
+    cell = page.locator(".versions .changes td").last
+    assert (cell.inner_text(), cell.get_attribute("title")) == ("contents 7218b1ff…", "7218b1ff" * 8)
+    settle(tab)
+
+
+def test_a_view_that_is_being_read_says_so(tab: Tab) -> None:
+    held = list[Any]()
+    tab.page.route("**/hemisphere/versions", lambda route: held.append(route))
+    tab.page.evaluate("view => { location.hash = view; }", SURFACE)
+    until(lambda: bool(tab.page.wait_for_timeout(50)) or bool(held))
+    assert tab.page.get_attribute("main", "aria-busy") == "true"
+    held[0].continue_()
+    tab.wait("!document.querySelector('main').hasAttribute('aria-busy')")
+    assert tab.page.is_visible("[aria-label=Version]")
+    settle(tab)
+
+
+def test_a_run_tells_the_time_that_is_left_or_else_the_time_that_it_took(tab: Tab) -> None:
+    run = {"state": "running", "stage": "labels", "stages": {}, "seconds": 70.0, "total": None, "version": ""}
+    left: dict[str, float | None] = {"seconds_left": None}
+    tab.page.route("**/front/run", lambda route: route.fulfill(json=run | left))
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("aside .run >> text=labels · for 70 s")
+    left["seconds_left"] = 30.0
+    page.wait_for_selector("aside .run >> text=labels · about 30 s left")

@@ -1,0 +1,56 @@
+"""Numbers that are typed: the keyboard keeps its place among the fields, and goes back to the picture."""
+
+from typing import Any
+
+import pytest
+
+from tests.flows.review.conftest import ServedPage, Tab
+from tests.flows.review.inputs_view import INPUTS, READY, asked, drag
+
+pytestmark = pytest.mark.long
+
+FOCUSED = "document.activeElement.ariaLabel"
+
+
+def test_tab_goes_on_from_a_number_that_was_typed(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    for field, after in (("x of sphere 1", "y of sphere 1"), ("Region: x", "Region: y")):
+        value = float(page.input_value(f"[aria-label='{field}']"))
+        page.fill(f"[aria-label='{field}']", str(round(value - 1)))
+        page.keyboard.press("Tab")
+        assert page.evaluate(FOCUSED) == after
+    page.wait_for_selector(".sphere [role=status] >> text=off the contour")
+
+
+def test_what_is_being_typed_is_kept_while_a_contour_is_measured(tab: Tab) -> None:
+    page, held = tab.open(INPUTS, READY), list[Any]()
+    page.route("**/sphere-fit", lambda route: held.append(route))
+    page.fill("[aria-label='x of sphere 1']", "40")
+    page.keyboard.press("Tab")
+    page.keyboard.type("7")
+    while not held:
+        page.wait_for_timeout(50)
+    held[0].continue_()
+    page.wait_for_selector(".sphere [role=status]:not(.faint)")
+    assert page.input_value("[aria-label='y of sphere 1']") == "7"
+
+
+def test_keys_go_to_the_picture_after_a_number_and_after_a_sphere_was_dragged(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    (sphere,) = asked(served, "inputs")["used"]["spheres"]
+    page.click(".tools [data-tool=spheres]")
+    page.focus("[aria-label='Millimetres of a pixel']")
+    drag(tab, (sphere["x"], sphere["y"]), (sphere["x"] + 2, sphere["y"]))
+    page.keyboard.press("b")
+    assert page.get_attribute("[data-tool=brush]", "aria-pressed") == "true"
+    page.fill("[aria-label='Millimetres of a pixel']", "0.3")
+    page.keyboard.press("Enter")
+    page.keyboard.press("e")
+    assert page.get_attribute("[data-tool=eraser]", "aria-pressed") == "true"
+    page.click(".tools [data-tool=scale]")
+    drag(tab, (4, 4), (24, 4))
+    assert page.evaluate(FOCUSED) == "Length of the line in millimetres"
+    page.keyboard.type("5")
+    page.keyboard.press("Escape")
+    page.keyboard.press("v")
+    assert page.get_attribute("[data-tool=look]", "aria-pressed") == "true"
