@@ -21,6 +21,8 @@ MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
 """Mean edge along a contour, in edges of the table and relative to the one that it replaces; area of a piece."""
 CLEAR_OUTER_EDGE, MIN_CLEAR_RATIO = 1.6, 0.7
 """The same two of a contour that is a clear edge by itself, where the one that it replaces may be stronger."""
+MIN_WALL_TEXTURE = -0.1
+"""Mean evidence of a wall's texture, nats, below which it looks like the bare table."""
 MAX_WALL_EDGE = 3.0
 """Edge of a wall beyond which a stronger one counts no more: a black line on the table stands for no other place."""
 RIM_DEPTH_PX, TABLE_DISTANCES_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
@@ -65,16 +67,22 @@ def contour_pixels(mask: np.ndarray) -> np.ndarray:
     return ndimage.binary_dilation(mask) & ~ndimage.binary_erosion(mask)
 
 
-def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray, is_wall: bool = False) -> np.ndarray:
+def stronger_pieces(
+    mask: np.ndarray, outer: np.ndarray, image: np.ndarray, texture: np.ndarray | None = None
+) -> np.ndarray:
     """Return the pieces (H, W) bool of `outer` beside `mask` whose outer contour is the stronger edge of an image.
 
-    is_wall: whether a clear edge is enough; the inner face of a thin wall may be the stronger one.
+    texture: (H, W), evidence that what is seen is not the bare table, nats, if walls are looked for. A clear edge is
+    enough for them, since the inner face of a thin wall may be the stronger one, but they may not look like the table.
     """
-    limit = MAX_WALL_EDGE if is_wall else np.inf
+    limit = np.inf if texture is None else MAX_WALL_EDGE
     result = np.zeros_like(mask)
     for grown, piece, strength, replaced in edges_of_pieces(mask, outer, image, limit):
-        is_stronger = strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced
-        if is_stronger or (is_wall and strength > CLEAR_OUTER_EDGE and strength > MIN_CLEAR_RATIO * replaced):
+        is_kept = strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced
+        if texture is not None:
+            is_clear = strength > CLEAR_OUTER_EDGE and strength > MIN_CLEAR_RATIO * replaced
+            is_kept = (is_kept or is_clear) and texture[grown][piece].mean() > MIN_WALL_TEXTURE
+        if is_kept:
             result[grown] |= piece
     return result
 

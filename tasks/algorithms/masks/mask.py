@@ -15,12 +15,12 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.grid_cut import grid_cut, links
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import MIN_EDGE_RATIO, edge_image, edges_of_pieces
-from glint.tasks.algorithms.masks.light_sectors import sectors_of
 from glint.tasks.algorithms.masks.mask_regions import large_components
 from glint.tasks.algorithms.masks.outline import refined_mask, wall_images
-from glint.tasks.algorithms.masks.table_response import TableResponse, table_response
 from glint.tasks.algorithms.masks.table_separation import Separation, separate
-from glint.tasks.algorithms.masks.unshadowed_response import unshadowed_response
+from glint.tasks.algorithms.table.light_sectors import sectors_of
+from glint.tasks.algorithms.table.table_response import TableResponse, table_response
+from glint.tasks.algorithms.table.unshadowed_response import unshadowed_response
 
 EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""

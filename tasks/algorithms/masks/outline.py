@@ -2,9 +2,9 @@
 
 Walls of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
 stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is, and to
-that which both sides of a vessel show (`symmetric_walls`); and in from the blur of highlights at the rim. A round foot
-is added, of which only the rim differs from the table (`round_foot`), and the opening of a handle taken away
-(`mask_regions`).
+that which both sides of a vessel show (`symmetric_walls`), all the more where the texture is not the table's
+(`table_texture`); and in from the blur of highlights at the rim. A round foot is added, of which only the rim differs
+from the table (`round_foot`), and the opening of a handle taken away (`mask_regions`).
 """
 
 from dataclasses import replace
@@ -24,8 +24,9 @@ from glint.tasks.algorithms.masks.mask_regions import (
 )
 from glint.tasks.algorithms.masks.round_foot import round_foot
 from glint.tasks.algorithms.masks.symmetric_walls import evident_axis, with_symmetric_walls
-from glint.tasks.algorithms.masks.table_response import TableResponse
 from glint.tasks.algorithms.masks.table_separation import Separation
+from glint.tasks.algorithms.table.table_response import TableResponse
+from glint.tasks.algorithms.table.table_texture import texture_ratio
 
 CLOSED_CONTOUR_SHARE = 0.02
 """Gaps of the contour that the second cut takes as closed, as a share of the edge of a square of the object's area."""
@@ -35,8 +36,8 @@ OUTWARD_BONUS = 0.2
 """Nats by which a pixel is preferred inside where a contour farther out is looked for."""
 MAX_WALL_SHARE, WALL_ROUNDS = 0.18, 2
 """Farthest that the outer face of a wall is looked for, as a share of that edge, and the times it is."""
-RESPONSE_WEIGHT = 0.03
-"""Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
+RESPONSE_WEIGHT, TEXTURE_WEIGHT = 0.03, 0.2
+"""Weights of the log-likelihood ratios of response and texture in the second cut: near the contour edges decide."""
 MIN_FOOT_DEPTH_PX = 1.5
 """Depth of a part of a foot from which the cut may not leave it out."""
 OUTWARD_ROUNDS = 2
@@ -84,12 +85,13 @@ def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) ->
     lines, *responses = wall_images(parts, background)
     brightness = edge_image(background, parts.is_table)
     edges, walls = (links([image, *responses], 1.0) for image in (brightness, lines))
+    texture = texture_ratio(background, parts.is_table, edge)
 
     def cut(inside: np.ndarray, start: np.ndarray, max_share: float, capacities: Links, bonus: float) -> np.ndarray:
         """Return the object, which holds `inside` and reaches at most a share of the edge beyond `start`."""
         distance = ndimage.distance_transform_edt(~start)
         outside = (distance > max(2, round(max_share * edge))) | ~allowed
-        ratios = RESPONSE_WEIGHT * parts.ratios + bonus
+        ratios = RESPONSE_WEIGHT * parts.ratios + TEXTURE_WEIGHT * texture + bonus
         return large_components(grid_cut(ratios, capacities, inside, outside) & allowed)
 
     inside, start = _certain(parts, edge), parts.filled
@@ -102,8 +104,9 @@ def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) ->
     # A clear line still farther out is the outer face of a wall.
     for _ in range(WALL_ROUNDS):
         outer = mask | cut(mask, mask, MAX_WALL_SHARE, walls, OUTWARD_BONUS)
-        mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
-    return with_symmetric_walls(mask, [lines, *responses], RESPONSE_WEIGHT * parts.difference, parts.is_table, allowed)
+        mask = mask | stronger_pieces(mask, outer, lines, texture)
+    difference = np.maximum(RESPONSE_WEIGHT * parts.difference + TEXTURE_WEIGHT * texture, 0.0)
+    return with_symmetric_walls(mask, [lines, *responses], difference, parts.is_table, allowed)
 
 
 def _certain(parts: Separation, edge: float) -> np.ndarray:

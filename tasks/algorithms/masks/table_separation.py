@@ -14,8 +14,8 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.convex_hull import convex_hull
 from glint.tasks.algorithms.geometry.grid_cut import grid_cut, links
 from glint.tasks.algorithms.masks.mask_regions import CLOSE_SHARE, bridged, filled, main_components, without_specks
-from glint.tasks.algorithms.masks.table_model import TableModel, fit_table
-from glint.tasks.algorithms.masks.table_response import TableResponse
+from glint.tasks.algorithms.table.table_model import TableModel, fit_table
+from glint.tasks.algorithms.table.table_response import TableResponse
 
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
 ROUNDS = 3

@@ -2,7 +2,7 @@
 
 The table follows the light as a whole, with a soft shadow that moves around the ring; the ring shows a flash that
 moves over it and refracts the table: its texture is another one, lit otherwise. A clear wall around it shows the table
-as it is, but for the line of its outer face. A lamp may pass through the picture.
+as it is, but for the line of its outer face, or refracts a table of streaks. A lamp may pass through the picture.
 """
 
 from dataclasses import dataclass
@@ -36,6 +36,7 @@ def draw_glass(
     cast: float = 0.0,
     blur: float = 0.0,
     wall: float = 0.0,
+    streaks: bool = False,
     lamp: float | None = None,
     seed: int = 0,
 ) -> GlassScene:
@@ -43,12 +44,16 @@ def draw_glass(
 
     inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; cast: depth of the whole
     disc's shadow, which falls away from the light; blur: standard deviation in pixels of the optics' blur; wall: width
-    in pixels of a clear wall around the ring; lamp: x of a lamp that passes from top to bottom, None for none.
+    in pixels of a clear wall around the ring; streaks: whether the table has streaks along its rows, which the wall
+    turns upright, without a line; lamp: x of a lamp that passes from top to bottom, None for none.
     """
     generator = np.random.default_rng(seed)
-    table, refracted = (_texture(generator, (height, width)) for _ in range(2))
+    table, refracted = (_texture(generator, (height, width), (9.0, 2.0) if streaks else (4.0, 4.0)) for _ in range(2))
     rows, columns = np.mgrid[:height, :width].astype(np.float32)
     distance = np.hypot(columns - CENTRE[0], rows - CENTRE[1])
+    if streaks:
+        turned = _texture(generator, (height, width), (2.0, 9.0))
+        table = np.where((distance >= OUTER) & (distance < OUTER + wall), turned, table)
     cover = np.clip(OUTER + 0.5 - distance, 0, 1) * (np.clip(distance - inner + 0.5, 0, 1) if inner else 1.0)
     sphere = (225.0, 90.0, 20.0)
     on_sphere = np.hypot(columns - sphere[0], rows - sphere[1]) < sphere[2]
@@ -66,7 +71,7 @@ def draw_glass(
         for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
             glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
         picture = picture * (1.0 - cover) + glass * cover
-        if wall:
+        if wall and not streaks:
             picture *= 1.0 - LINE_DEPTH * np.exp(-0.5 * (distance - OUTER - wall + 0.5) ** 2)
         picture[on_sphere] = 30.0
         picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
@@ -80,6 +85,7 @@ def draw_glass(
     return GlassScene(stack, (cover > 0.5) | ((distance >= inner) & (distance < OUTER + wall)), sphere)
 
 
-def _texture(generator: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    noise = cv2.GaussianBlur(generator.normal(0.0, 1.0, shape).astype(np.float32), (0, 0), 4.0)
+def _texture(generator: np.random.Generator, shape: tuple[int, int], sigmas: tuple[float, float]) -> np.ndarray:
+    """Return levels (H, W) smooth over standard deviations along the rows and along the columns."""
+    noise = cv2.GaussianBlur(generator.normal(0.0, 1.0, shape).astype(np.float32), (0, 0), sigmas[0], sigmaY=sigmas[1])
     return np.clip(80.0 + 25.0 * noise / noise.std(), 20.0, 160.0)

@@ -8,6 +8,7 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks import mask as mask_module
+from glint.tasks.algorithms.masks import outline
 from glint.tasks.algorithms.masks.contour_edges import rim_offset, signed_distance
 from glint.tasks.algorithms.masks.mask import estimate_mask
 from tests.tasks.algorithms.masks.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
@@ -72,6 +73,17 @@ def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: 
 def test_the_clear_wall_of_a_glass_is_a_part_of_it(wall: float) -> None:
     scene = draw_glass(inner=0.0, wall=wall, seed=4)
     assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.95
+
+
+def test_a_wall_that_turns_the_pattern_of_the_table_is_a_part_of_the_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = draw_glass(inner=0.0, wall=10.0, streaks=True, seed=4)
+
+    def estimated() -> float:
+        return overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask)
+
+    assert estimated() > 0.95
+    monkeypatch.setattr(outline, "TEXTURE_WEIGHT", 0.0)
+    assert estimated() < 0.9
 
 
 @pytest.mark.parametrize("gap", [2, 8])

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from glint.tasks.algorithms.masks.light_sectors import LIGHT_SECTORS, passing_sectors
-from glint.tasks.algorithms.masks.table_response import LargestFlashes, TableResponse, brightness
+from glint.tasks.algorithms.table.light_sectors import LIGHT_SECTORS, passing_sectors
+from glint.tasks.algorithms.table.table_response import LargestFlashes, TableResponse, brightness
 
 DAMPING = 1e-6
 """Share of the mean square of the table's time series that is added where few frames leave amplitudes open."""

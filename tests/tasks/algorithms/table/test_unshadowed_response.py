@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.masks.light_sectors import LIGHT_SECTORS
-from glint.tasks.algorithms.masks.table_response import table_response
-from glint.tasks.algorithms.masks.unshadowed_response import unshadowed_response
+from glint.tasks.algorithms.table.light_sectors import LIGHT_SECTORS
+from glint.tasks.algorithms.table.table_response import table_response
+from glint.tasks.algorithms.table.unshadowed_response import unshadowed_response
 
 SHAPE, CENTRE, RADIUS = (120, 160), (60.0, 80.0), 18.0
 

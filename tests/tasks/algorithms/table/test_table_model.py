@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.masks.table_model import fit_table
+from glint.tasks.algorithms.table.table_model import fit_table
 
 SIZE = 80
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.table.trimmed_normal import squared_distance, trimmed_normal
+
 TABLE_NEAR_SHARE, MIN_TABLE_NEAR_PX = 0.05, 4.0
 """Standard deviation of the neighbourhood, as a share of the edge of a square of the object's area and in pixels."""
 FAR_FACTOR, MIN_FAR_PX = 4.0, 6.0
@@ -19,8 +21,6 @@ MIN_SPREAD = 0.12
 """Standard deviation of the log response that the table has at least: a difference of 12% is no evidence."""
 MAX_LOCAL_VARIANCE = 9.0
 """Bound of the local variance, relative to that of the whole table."""
-TRIMMED_QUANTILE, TRIMMED_ROUNDS, TRIMMED_VARIANCE = 0.97, 4, 1.15
-"""Trimming of the covariance: share that is kept, rounds, and factor that makes up for the removed tail."""
 MIN_FLASH, MIN_FLASH_SPREADS = 1.0, 5.0
 """Log ratio of a flash to the table's, and its number of standard deviations, that make a highlight."""
 TABLE_FLASH_QUANTILE, MIN_FLASH_QUANTILES = 0.999, 1.6
@@ -53,7 +53,7 @@ class TableModel:
     def distance(self, features: np.ndarray) -> np.ndarray:
         """Return the squared Mahalanobis distance (H, W) of log responses (H, W, 2) from the table."""
         offset = (features - self.mean) / np.sqrt(self.variance)
-        return np.asarray(((offset @ np.linalg.inv(self.covariance)) * offset).sum(axis=-1))
+        return squared_distance(offset, self.covariance)
 
     def flashing(self, features: np.ndarray) -> np.ndarray:
         """Return the pixels (H, W) bool that show highlights."""
@@ -70,7 +70,7 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
         is_table: (H, W) bool, pixels of the table.
         edge: of a square of the object's area, pixels; None: unknown, so one mean holds everywhere.
     """
-    mean, covariance = _trimmed_normal(features[is_table])
+    mean, covariance = trimmed_normal(features[is_table])
     if edge is None:
         means, variance = np.broadcast_to(mean, features.shape), np.ones(features.shape, np.float32)
         return _with_limits(features, is_table, means, covariance, variance)
@@ -81,7 +81,7 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
     wide = wide_trust * wide + (1.0 - wide_trust) * mean
     means = near_trust * near + (1.0 - near_trust) * wide
     offsets = features - means
-    covariance = _trimmed_normal(offsets[is_table])[1]
+    covariance = trimmed_normal(offsets[is_table])[1]
     square, _ = _local_mean(offsets**2, weight, sigma)
     variance = (near_trust * square / np.diag(covariance) + (1.0 - near_trust)).clip(1.0, MAX_LOCAL_VARIANCE)
     return _with_limits(features, is_table, means, covariance, variance)
@@ -124,18 +124,6 @@ def _least_limit(excess: np.ndarray, is_table: np.ndarray) -> float:
 def _of_areas(excess: np.ndarray) -> np.ndarray:
     """Return the mean excess (H, W) of the area around each pixel."""
     return np.asarray(cv2.GaussianBlur(np.ascontiguousarray(excess), (0, 0), AREA_SIGMA_PX))
-
-
-def _trimmed_normal(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean (2,) and covariance (2, 2) of samples (N, 2) without their outliers."""
-    kept = np.ones(len(samples), bool)
-    for _ in range(TRIMMED_ROUNDS):
-        mean = samples[kept].mean(axis=0)
-        covariance = np.cov(samples[kept].T) + 1e-4 * np.eye(samples.shape[1])
-        offset = samples - mean
-        distance = ((offset @ np.linalg.inv(covariance)) * offset).sum(axis=1)
-        kept = distance <= np.quantile(distance, TRIMMED_QUANTILE)
-    return mean, TRIMMED_VARIANCE * covariance
 
 
 def _local_mean(values: np.ndarray, weight: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:

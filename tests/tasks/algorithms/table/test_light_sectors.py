@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.masks.light_sectors import LIGHT_SECTORS, MIN_FRAMES_SHARE, passing_sectors, sectors_of
+from glint.tasks.algorithms.table.light_sectors import LIGHT_SECTORS, MIN_FRAMES_SHARE, passing_sectors, sectors_of
 from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
 
 SPHERE = Sphere(30.0, 30.0, 24.0)
