@@ -12,7 +12,7 @@ from glint.tasks.algorithms.table.trimmed_normal import squared_distance, trimme
 
 SCALES_PX = 0.8, 2.0
 """Standard deviations of the smoothing before slopes are taken."""
-WINDOW_SHARE, MIN_WINDOW_PX = 0.02, 2.0
+TEXTURE_WINDOW_SHARE, MIN_TEXTURE_WINDOW_PX = 0.02, 2.0
 """Standard deviation of the window over which slopes are averaged, as a share of the edge of a square of the object's
 area and in pixels."""
 DARK_LEVEL = 8.0
@@ -43,7 +43,7 @@ def texture_ratio(background: np.ndarray, is_table: np.ndarray, edge: float) -> 
     """
     if is_table.sum() < MIN_TABLE_PX:
         return np.zeros(background.shape)
-    window = max(MIN_WINDOW_PX, WINDOW_SHARE * edge)
+    window = max(MIN_TEXTURE_WINDOW_PX, TEXTURE_WINDOW_SHARE * edge)
     texture = _texture(background, window)
     mean, covariance = trimmed_normal(texture[is_table])
     distance = squared_distance(texture - mean, covariance)
