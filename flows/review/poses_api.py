@@ -52,6 +52,13 @@ def state(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
     return None if run is None else run.to_json()
 
 
+@router.delete("/run", status_code=202)
+def stop(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
+    """Stop the run of an object that the page has started, which takes seconds; null: none."""
+    run = review.runs.stop(object_id)
+    return None if run is None else run.to_json()
+
+
 def _model(review: Review, object_id: str) -> tuple[dict[str, Any], dict[str, str]]:
     """Return what the newest model says of its views by name, and why others are not in it."""
     try:

@@ -6,6 +6,7 @@ The process is independent of the server: it outlives the server, and so writes 
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -30,10 +31,10 @@ AGAIN = "run again: it goes on where it stopped; the dashboard has the details"
 class Run:
     """A run of one capture (`capture` is OBJECT/CAPTURE), or of all captures of an object (OBJECT).
 
-    state: running, done or failed; ended: seconds since the epoch, None while it runs; share: part of its time that has
-    passed, seconds_left: until it ends, both None before they are known, and for an object; stages: seconds by stage
-    that has ended, None where its result was stored already. Of an object, names of stages and errors begin with the
-    capture.
+    state: running, done, failed or stopped; is_stopping: whether a person has asked it to stop; ended: seconds since
+    the epoch, None while it runs; share: part of its time that has passed, seconds_left: until it ends, both None
+    before they are known, and for an object; stages: seconds by stage that has ended, None where its result was stored
+    already. Of an object, names of stages and errors begin with the capture.
     """
 
     capture: str
@@ -50,10 +51,11 @@ class Run:
     remedy: str = ""
     version: str = ""
     stages: dict[str, float | None] = field(default_factory=dict)
+    is_stopping: bool = False
 
     def end(self, state: str) -> None:
-        """Record that the run has ended as done or failed."""
-        self.ended, self.state = time.time(), state
+        """Record that the run has ended, as done or failed; one that fails after it was asked to stop is stopped."""
+        self.ended, self.state = time.time(), "stopped" if state == "failed" and self.is_stopping else state
 
     def to_json(self) -> dict[str, Any]:
         """Return the run as JSON values."""
@@ -70,6 +72,7 @@ class Runs:
     def __init__(self, store: str, scheduler: str | None = None) -> None:
         self._options = ["--store", store, *(["--scheduler", scheduler] if scheduler else [])]
         self._runs: dict[str, Run] = {}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._lock = threading.Lock()
         self.revision = 0
 
@@ -88,6 +91,19 @@ class Runs:
         threading.Thread(target=self._follow, args=(run, command), name=f"run-{capture}", daemon=True).start()
         return run
 
+    def stop(self, capture: str) -> Run | None:
+        """Interrupt the run of OBJECT/CAPTURE or OBJECT that is going on, and return it; None: there was none.
+
+        What is finished is kept, as after Ctrl-C. The run ends within seconds, not at once.
+        """
+        with self._lock:
+            run = self._runs.get(capture)
+            if run is not None and run.state == "running" and not run.is_stopping:
+                run.is_stopping = True
+                if capture in self._processes:
+                    self._processes[capture].send_signal(signal.SIGINT)
+        return run
+
     def _follow(self, run: Run, command: Sequence[str]) -> None:
         """Start a run, and take over what it reports until it ends."""
         try:
@@ -96,6 +112,10 @@ class Runs:
                 process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, start_new_session=True
                 )
+                with self._lock:
+                    self._processes[run.capture] = process
+                    if run.is_stopping:
+                        process.send_signal(signal.SIGINT)
                 for _ in _events(run, process, output, errors):
                     self._changed()
         except OSError as error:
@@ -104,6 +124,8 @@ class Runs:
             # A report that this server does not understand must not leave the run as one that goes on for ever.
             LOG.exception("the reports of the run of %s cannot be followed", run.capture)
             self._failed(run, f"its reports cannot be followed: {error!r}", "it may go on: see the dashboard")
+        finally:
+            self._processes.pop(run.capture, None)
 
     def _failed(self, run: Run, error: str, remedy: str) -> None:
         run.error, run.remedy = error, remedy
@@ -129,7 +151,7 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
     if run.state != "running":
         return  # its summary has said how it ended; the exit status counts a failure of the object's model, too
     run.end("done" if status == 0 else "failed")
-    if status != 0 and not run.error:
+    if run.state == "failed" and not run.error:
         length = os.fstat(errors.fileno()).st_size
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]

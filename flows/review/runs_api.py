@@ -1,4 +1,4 @@
-"""The interface of runs: start the ordinary run of one capture, and see how far it is."""
+"""The interface of runs: start the ordinary run of one capture, see how far it is, and stop it."""
 
 from typing import Any
 
@@ -20,4 +20,11 @@ def start(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> di
 def state(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any] | None:
     """Return the newest run of a capture that the page has started; null: none."""
     run = review.runs.of(f"{object_id}/{capture_id}")
+    return None if run is None else run.to_json()
+
+
+@router.delete("/captures/{object_id}/{capture_id}/run", status_code=202)
+def stop(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any] | None:
+    """Stop the run of a capture that the page has started, which takes seconds; null: none."""
+    run = review.runs.stop(f"{object_id}/{capture_id}")
     return None if run is None else run.to_json()

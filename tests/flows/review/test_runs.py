@@ -115,6 +115,20 @@ def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_comput
     served.server.should_exit = True
 
 
+def test_a_run_is_stopped_and_the_next_one_goes_on_from_there(
+    server: Server, tmp_path: Path, stored: tuple[Path, Path], chromium: Any
+) -> None:
+    served = serve(tmp_path / "store", stored[1])
+    for tab in let_in(served, chromium):
+        tab.open(INPUTS, "aside .run")
+        tab.page.click("text=Run from here")
+        tab.page.wait_for_selector("aside .run >> text=/survey|frames|lights/", timeout=RUN_MS)
+        tab.page.click("aside .run button:has-text('Stop')")
+        tab.page.wait_for_selector("aside .run >> text=stopped: what is finished is kept", timeout=RUN_MS)
+        run_from_here(tab, "v1")
+    served.server.should_exit = True
+
+
 @pytest.fixture
 def leaking(tmp_path: Path, shared_data: Path) -> Iterator[tuple[ServedPage, Path]]:
     """The shared hemisphere with a mask that leaks over the table, up to the region's edge, and its page."""

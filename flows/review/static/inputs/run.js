@@ -13,9 +13,10 @@ export class RunPanel {
   constructor(view) {
     this.view = view;
     this.button = element("button", { type: "button", class: "primary", onclick: () => this.start() }, "Run from here ", element("kbd", {}, "g"));
+    this.stopButton = element("button", { type: "button", hidden: true, onclick: () => this.stop() }, "Stop");
     this.state = element("div", { role: "status" });
     this.bar = element("progress", { max: 1, hidden: true });
-    this.root = element("section", { class: "run", "aria-label": "Run" }, this.button, this.bar, this.state);
+    this.root = element("section", { class: "run", "aria-label": "Run" }, element("div", { class: "line" }, this.button, this.stopButton), this.bar, this.state);
     this.path = `${view.capture.path}/run`;
     this.row = view.capture.row ?? view.capture.path;
     this.find().catch(() => {});
@@ -47,9 +48,22 @@ export class RunPanel {
     this.button.disabled = false;
   }
 
-  show(text, kind = "", share = undefined) {
+  /** Stops the run, which says itself when it has ended. */
+  async stop() {
+    this.stopButton.disabled = true;
+    try {
+      await ask(this.path, { method: "DELETE", signal: this.view.signal });
+    } catch (error) {
+      this.stopButton.disabled = false;
+      announceError(error);
+    }
+  }
+
+  /** share: part that is done, null where it is not known; canStop: whether the server has started the run itself. */
+  show(text, kind = "", share = undefined, canStop = false) {
     const isRunning = share !== undefined;
     this.button.disabled = isRunning;
+    this.stopButton.hidden = !canStop;
     this.bar.hidden = !isRunning;
     if (share) this.bar.value = share;
     else this.bar.removeAttribute("value");
@@ -78,11 +92,13 @@ export class RunPanel {
     if (run.state === "running") {
       const share = run.total ? run.done / run.total : null;
       const stored = Object.values(run.stages).filter((seconds) => seconds === null).length;
-      const parts = [run.stage || "starting", share === null ? "" : percent(share), run.seconds_left ? `about ${duration(run.seconds_left)} left` : `for ${duration(run.seconds)}`, stored ? `${stored} stages kept` : ""];
-      this.show(parts.filter(Boolean).join(" · "), "", share);
+      this.stopButton.disabled = run.is_stopping;
+      const parts = [run.is_stopping ? "stopping" : run.stage || "starting", share === null ? "" : percent(share), run.seconds_left ? `about ${duration(run.seconds_left)} left` : `for ${duration(run.seconds)}`, stored ? `${stored} stages kept` : ""];
+      this.show(parts.filter(Boolean).join(" · "), "", share, true);
       this.later(() => this.look(), POLL_MS);
       return;
     }
+    if (run.state === "stopped") return this.show("stopped: what is finished is kept, and the next run goes on from there");
     const isFailed = run.state === "failed";
     this.show(isFailed ? `${run.error} → ${run.remedy}` : `done${run.version ? `: ${run.version}` : ""}`, isFailed ? "doubt" : "good");
     if (wasRunning && !isFailed) this.reload();
