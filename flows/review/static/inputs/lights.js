@@ -37,10 +37,15 @@ export class LightDome {
     context.setTransform(2, 0, 0, 2, 0, 0);
     context.clearRect(0, 0, SIZE, SIZE);
     context.strokeStyle = "#4a4f56";
+    context.fillStyle = "#a9a69e";
+    context.font = "9px sans-serif";
+    context.textAlign = "center";
     for (const angle of [30, 60, 90]) {
+      const radius = REACH * Math.sin((angle * Math.PI) / 180);
       context.beginPath();
-      context.arc(SIZE / 2, SIZE / 2, REACH * Math.sin((angle * Math.PI) / 180), 0, 2 * Math.PI);
+      context.arc(SIZE / 2, SIZE / 2, radius, 0, 2 * Math.PI);
       context.stroke();
+      context.fillText(`${angle}°`, SIZE / 2, SIZE / 2 - radius - 3);
     }
     const dot = (light, radius, colour) => {
       const [x, y] = this.place(light);
