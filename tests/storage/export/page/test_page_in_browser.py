@@ -84,8 +84,9 @@ def values(page: browser.Page, expression: str, dtype: Any) -> np.ndarray:
 
 
 def box_of(page: browser.Page, selector: str) -> list[float]:
-    """Left, top, width and height of an element."""
-    code = f"const box = document.querySelector({selector!r}).getBoundingClientRect();"
+    """Left, top, width and height of an element, which is scrolled into sight."""
+    code = f"const shown = document.querySelector({selector!r}); shown.scrollIntoView();"
+    code += "const box = shown.getBoundingClientRect();"
     return list(page.evaluate(f"(() => {{ {code} return [box.x, box.y, box.width, box.height]; }})()"))
 
 
