@@ -14,7 +14,7 @@ SCALES_PX = 0.8, 2.0
 """Standard deviations of the smoothing before slopes are taken."""
 TEXTURE_WINDOW_SHARE, MIN_TEXTURE_WINDOW_PX = 0.02, 2.0
 """Standard deviation of the window over which slopes are averaged, as a share of the edge of a square of the object's
-area and in pixels."""
+area, and the least in pixels: smaller objects have too few pixels for a texture."""
 DARK_LEVEL = 8.0
 """Level, of 255, that is added before the logarithm, so that noise of dark pixels makes no texture."""
 LEAST_SLOPE = 0.003
@@ -41,9 +41,9 @@ def texture_ratio(background: np.ndarray, is_table: np.ndarray, edge: float) -> 
         is_table: (H, W) bool, pixels of the table around the object.
         edge: of a square of the object's area, pixels.
     """
-    if is_table.sum() < MIN_TABLE_PX:
+    window = TEXTURE_WINDOW_SHARE * edge
+    if is_table.sum() < MIN_TABLE_PX or window < MIN_TEXTURE_WINDOW_PX:
         return np.zeros(background.shape)
-    window = max(MIN_TEXTURE_WINDOW_PX, TEXTURE_WINDOW_SHARE * edge)
     texture = _texture(background, window)
     mean, covariance = trimmed_normal(texture[is_table])
     distance = squared_distance(texture - mean, covariance)

@@ -54,3 +54,9 @@ def test_a_table_without_any_pattern_has_a_bounded_ratio() -> None:
 
 def test_without_a_table_there_is_no_evidence() -> None:
     assert not texture_ratio(streaks(), distance() < 3.0, EDGE).any()
+
+
+def test_a_small_object_has_no_texture() -> None:
+    levels, is_table = streaks(), distance() > 30.0
+    levels[~is_table] = streaks(1).T[~is_table]
+    assert not texture_ratio(levels, is_table, 60.0).any()
