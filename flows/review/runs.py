@@ -125,7 +125,10 @@ class Runs:
             LOG.exception("the reports of the run of %s cannot be followed", run.capture)
             self._failed(run, f"its reports cannot be followed: {error!r}", "it may go on: see the dashboard")
         finally:
-            self._processes.pop(run.capture, None)
+            with self._lock:
+                # The next run may have begun already, and its process is the one to stop then.
+                if self._runs.get(run.capture) is run:
+                    self._processes.pop(run.capture, None)
 
     def _failed(self, run: Run, error: str, remedy: str) -> None:
         run.error, run.remedy = error, remedy

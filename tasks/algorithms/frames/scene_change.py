@@ -7,11 +7,13 @@ changes at once, and for good. A moving light changes it everywhere a little, an
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.table.log_levels import log_levels
+
 COMPARED_PIXELS = 20_000
 """Pixels to which frames are reduced, about, for the comparison."""
-DARK_LEVEL, SURROUNDINGS_SIGMA_PX, MAX_CONTRAST = 8.0, 3.0, 0.4
-"""Level that is added before the logarithm; standard deviation of the window that is a pixel's surroundings; and bound
-of the logarithm's contrast with them, so that highlights count no more than edges."""
+SURROUNDINGS_SIGMA_PX, MAX_CONTRAST = 3.0, 0.4
+"""Standard deviation of the window that is a pixel's surroundings, and bound of the logarithm's contrast with them, so
+that highlights count no more than edges."""
 MIN_COMPARED_FRAMES = 60
 """Frames below which nothing is compared: a light that was first on one side and then on the other may change as
 much."""
@@ -58,8 +60,6 @@ def _contrast(frame: np.ndarray) -> np.ndarray:
     """Return the bounded contrast (h, w) float32 of a reduced frame (H, W) with its surroundings."""
     reduction = max(1.0, float(np.sqrt(frame.size / COMPARED_PIXELS)))
     height, width = (max(1, round(side / reduction)) for side in frame.shape)
-    brightness = np.log(
-        cv2.resize(frame.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) + DARK_LEVEL
-    )
+    brightness = log_levels(cv2.resize(frame.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA))
     brightness -= cv2.GaussianBlur(brightness, (0, 0), SURROUNDINGS_SIGMA_PX)
     return np.clip(brightness, -MAX_CONTRAST, MAX_CONTRAST)

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-DARK_LEVEL = 8.0
-"""Level, of 255, that is added before the logarithm, so that noise of dark pixels makes no edge."""
+from glint.tasks.algorithms.table.log_levels import log_levels
+
 BLUR_SIGMA_PX = 0.6
 """Standard deviation of the smoothing before slopes are taken."""
 SHARP_SIGMA_PX = 1.5
@@ -46,7 +46,7 @@ def edge_image(levels: np.ndarray, is_table: np.ndarray, is_sharp: bool = False)
     is_table: (H, W) bool, pixels of the table. is_sharp: whether the smooth part of the levels is taken away (a
     difference of Gaussians: Marr and Hildreth 1980), so that lines count and gentle slopes do not.
     """
-    brightness = cv2.GaussianBlur(np.log(levels.astype(np.float32) + DARK_LEVEL), (0, 0), BLUR_SIGMA_PX)
+    brightness = cv2.GaussianBlur(log_levels(levels), (0, 0), BLUR_SIGMA_PX)
     if is_sharp:
         brightness -= cv2.GaussianBlur(brightness, (0, 0), SHARP_SIGMA_PX)
     slopes = np.hypot(*np.gradient(brightness))[is_table]

@@ -8,6 +8,7 @@ scales, and compared with that of the table around the object.
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.table.log_levels import log_levels
 from glint.tasks.algorithms.table.trimmed_normal import squared_distance, trimmed_normal
 
 SCALES_PX = 0.8, 2.0
@@ -15,8 +16,6 @@ SCALES_PX = 0.8, 2.0
 TEXTURE_WINDOW_SHARE, MIN_TEXTURE_WINDOW_PX = 0.02, 2.0
 """Standard deviation of the window over which slopes are averaged, as a share of the edge of a square of the object's
 area, and the least in pixels: smaller objects have too few pixels for a texture."""
-DARK_LEVEL = 8.0
-"""Level, of 255, that is added before the logarithm, so that noise of dark pixels makes no texture."""
 LEAST_SLOPE = 0.003
 """Slope of the log level per pixel that is added: less is no texture."""
 ALTERED_SHARE = 0.5
@@ -57,7 +56,7 @@ def texture_ratio(background: np.ndarray, is_table: np.ndarray, edge: float) -> 
 
 def _texture(background: np.ndarray, window: float) -> np.ndarray:
     """Return the texture (H, W, 6) of the background: log strength and double-angle direction at each scale."""
-    levels = np.log(background.astype(np.float32) + DARK_LEVEL)
+    levels = log_levels(background)
     channels = []
     for scale in SCALES_PX:
         down, right = np.gradient(cv2.GaussianBlur(levels, (0, 0), scale))

@@ -50,6 +50,20 @@ def test_a_run_that_has_ended_cannot_be_stopped() -> None:
     assert (run.state, run.is_stopping) == ("done", False)
 
 
+def test_a_run_that_ends_leaves_the_process_of_the_next_one_to_be_stopped() -> None:
+    runs = Runs("store")
+    _, thread = followed(runs, SLEEP)
+    until(lambda: "glass/front" in runs._processes)
+    first = runs._processes["glass/front"]
+    run, next_thread = followed(runs, SLEEP)
+    until(lambda: runs._processes["glass/front"] is not first)
+    first.terminate()
+    thread.join(60)
+    runs.stop("glass/front")
+    next_thread.join(60)
+    assert run.state == "stopped"
+
+
 def test_a_run_that_is_done_before_it_stops_is_done() -> None:
     run = Run("glass/front", is_stopping=True)
     run.end("done")
