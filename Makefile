@@ -3,24 +3,20 @@
 PYTHON := .venv/bin/python
 SHARE := not slow
 UNITS := tests/tasks/algorithms tests/tasks/engine/test_parameters.py tests/storage
-# Folders that are tested in processes of their own, JOBS of them at a time, beside all other tests.
-PARTS := tests/tasks tests/storage tests/flows/review
+# Processes that share the tests, a file at a time.
 JOBS := 2
 
-.PHONY: demo test test-unit test-all bench lint format setup requirements clean $(PARTS) tests/others
+.PHONY: demo test test-unit test-all bench lint format setup requirements clean tests
 
 demo: .venv/ready
 	.venv/bin/glint demo
 
-# Each part prints what it has to say at its end. The longest one comes first, so that no other is left at the end.
+# Tests run even where lint fails.
 test: .venv/ready
-	$(MAKE) --no-print-directory --keep-going --output-sync --jobs=$(JOBS) lint tests/others $(PARTS)
+	$(MAKE) --no-print-directory --keep-going lint tests
 
-$(PARTS): .venv/ready
-	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=10 --durations-min=5 $@
-
-tests/others: .venv/ready
-	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=10 --durations-min=5 $(PARTS:%=--ignore=%)
+tests: .venv/ready
+	$(PYTHON) -m pytest -q -m "$(SHARE)" --numprocesses=$(JOBS) --dist=loadfile --durations=10 --durations-min=5
 
 # The inner loop, in under a minute: algorithms and storage, without servers, whole captures and long tests.
 test-unit: .venv/ready

@@ -1,26 +1,25 @@
 """The end of a process waits for threads that Python did not start, and not for ever."""
 
-import _thread
 import subprocess
 import sys
-import threading
-import time
-
-from glint.storage.locations.foreign_threads import await_foreign_threads
 
 
 def test_a_foreign_thread_is_waited_for() -> None:
-    begun, ended = threading.Event(), threading.Event()
-
-    def call() -> None:
-        begun.set()
-        time.sleep(0.2)
-        ended.set()
-
-    _thread.start_new_thread(call, ())  # unlike threading.Thread, it is not among Python's own threads
-    begun.wait()
-    await_foreign_threads(longest_wait=60.0)
-    assert ended.is_set()
+    """In a process of its own, where no other foreign thread is waited for."""
+    script = """
+import _thread, threading, time
+from glint.storage.locations.foreign_threads import await_foreign_threads
+begun, ended = threading.Event(), threading.Event()
+def call():
+    begun.set()
+    time.sleep(0.2)
+    ended.set()
+_thread.start_new_thread(call, ())  # unlike threading.Thread, it is not among Python's own threads
+begun.wait()
+await_foreign_threads(longest_wait=600.0)
+assert ended.is_set()
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
 
 
 def test_threads_of_python_and_endless_ones_do_not_hold_up_the_end() -> None:

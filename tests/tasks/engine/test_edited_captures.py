@@ -43,9 +43,10 @@ def arrays_of(context: CaptureContext, last: str = LAST) -> dict[str, np.ndarray
 
 
 @pytest.fixture(scope="module")
-def values(simulated: Path, performed: Path) -> Changes:
+def values(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Changes:
     """A sphere moved by two pixels, a mask with a corner less, and one mark."""
-    context = context_of(simulated, performed)
+    context = context_of(tiny, tmp_path_factory.mktemp("values") / "store")
+    perform_until(context, "mask")
     region, small = context.load("survey").record["region"], context.load("mask").read("mask")
     width, height = context.load("survey").record["frame_size"]
     mask = np.zeros((height, width), bool)
@@ -59,17 +60,17 @@ def values(simulated: Path, performed: Path) -> Changes:
     return Changes.model_validate({"spheres": [drawn], "mask": mask, "marks": marks})
 
 
-def test_edits_give_what_a_catalogue_of_these_values_gives(simulated: Path, tmp_path: Path, values: Changes) -> None:
+def test_edits_give_what_a_catalogue_of_these_values_gives(tiny: Path, tmp_path: Path, values: Changes) -> None:
     """And the keys are the same: the mask and the marks count by their content, wherever they lie."""
     assert values.mask is not None and values.marks is not None and values.spheres is not None
     edits = Edits.open(Location.parse(tmp_path / "edited"), "hemisphere")
     edits.save("front", values, "Ann", 0)
-    (edited,) = with_edits([context_of(simulated, tmp_path / "edited")])
+    (edited,) = with_edits([context_of(tiny, tmp_path / "edited")])
     assert edited.edits is not None and set(edited.edits.changes) == {"spheres", "mask", "marks"}
 
     (tmp_path / "mask.png").write_bytes(mask_png(values.mask))
     marks = [mark.model_dump() for mark in values.marks]
-    plain = context_of(simulated, tmp_path / "plain")
+    plain = context_of(tiny, tmp_path / "plain")
     (tmp_path / "markup.json").write_bytes(Path(edited.capture.markup or "").read_bytes())
     assert json.loads((tmp_path / "markup.json").read_text()) == marks
     update = {
@@ -90,8 +91,8 @@ def test_edits_give_what_a_catalogue_of_these_values_gives(simulated: Path, tmp_
     assert sent.capture == edited.capture and sent.edits == edited.edits
 
 
-def test_only_edited_captures_and_fields_change(simulated: Path, tmp_path: Path, values: Changes) -> None:
-    context = context_of(simulated, tmp_path / "store")
+def test_only_edited_captures_and_fields_change(tiny: Path, tmp_path: Path, values: Changes) -> None:
+    context = context_of(tiny, tmp_path / "store")
     before = stage_keys(context, STAGES)
     assert with_edits([context]) == (context,)
     edits = Edits.open(Location.parse(tmp_path / "store"), "hemisphere")
@@ -115,7 +116,7 @@ def test_only_edited_captures_and_fields_change(simulated: Path, tmp_path: Path,
 
 
 def test_an_undone_edit_gives_the_old_results_back_uncomputed(
-    simulated: Path, tmp_path: Path, values: Changes, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, tmp_path: Path, values: Changes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     last = "thresholds"
     names = NAMES[: NAMES.index(last) + 1]
@@ -123,42 +124,42 @@ def test_an_undone_edit_gives_the_old_results_back_uncomputed(
     monkeypatch.setattr("glint.tasks.publish.NAMES", names)
 
     def run() -> tuple[list[bool], str]:
-        (context,) = with_edits([context_of(simulated, tmp_path / "store")])
+        (context,) = with_edits([context_of(tiny, tmp_path / "store")])
         cached = [record.cached for record in perform_until(context, last)]
         version = publish([context], "run", "catalogue.yaml")
         assert up_to_date_records([context]) is not None
         return cached, version.name
 
     assert run() == ([False] * len(names), "v1")
-    first = arrays_of(context_of(simulated, tmp_path / "store"), last)
+    first = arrays_of(context_of(tiny, tmp_path / "store"), last)
     edits = Edits.open(Location.parse(tmp_path / "store"), "hemisphere")
     edits.save("front", Changes(mask=values.mask), "Ann", 0)
     cached, name = run()
     assert (cached[0], name) == (False, "v2")
-    repository = context_of(simulated, tmp_path / "store").repository
+    repository = context_of(tiny, tmp_path / "store").repository
     recorded = repository.version("v2").metadata["captures"]["front"]
     assert recorded["edits"]["revision"] == 1
     assert recorded["edits"]["changes"]["mask"]["author"] == "Ann"
     assert "edits" not in repository.version("v1").metadata["captures"]["front"]
     edits.undo(1, "Bob")
     assert run() == ([True] * len(names), "v3")
-    again = arrays_of(context_of(simulated, tmp_path / "store"), last)
+    again = arrays_of(context_of(tiny, tmp_path / "store"), last)
     assert again.keys() == first.keys()
     for array, expected in first.items():
         np.testing.assert_array_equal(again[array], expected, err_msg=array)
     assert repository.version("v3").stages == repository.version("v1").stages
 
 
-def test_a_reference_has_the_edits(simulated: Path, tmp_path: Path) -> None:
+def test_a_reference_has_the_edits(tiny: Path, tmp_path: Path) -> None:
     store = Location.parse(tmp_path / "store")
     Edits.open(store, "hemisphere").save("front", Changes(pixel_size=0.125), "Ann", 0)
-    context = CaptureReference(str(simulated), "hemisphere", "front", store.uri, "check").context()
+    context = CaptureReference(str(tiny), "hemisphere", "front", store.uri, "check").context()
     assert context.capture.pixel_size == 0.125
 
 
-def test_the_cache_of_edited_inputs_is_never_trusted(simulated: Path, tmp_path: Path, values: Changes) -> None:
+def test_the_cache_of_edited_inputs_is_never_trusted(tiny: Path, tmp_path: Path, values: Changes) -> None:
     Edits.open(Location.parse(tmp_path / "store"), "hemisphere").save("front", values, "Ann", 0)
-    context = context_of(simulated, tmp_path / "store")
+    context = context_of(tiny, tmp_path / "store")
     (edited,) = with_edits([context])
     assert edited.capture.mask is not None
     path = Path(edited.capture.mask)
@@ -169,21 +170,21 @@ def test_the_cache_of_edited_inputs_is_never_trusted(simulated: Path, tmp_path: 
         assert path.read_bytes() == whole and again.digest("mask") == digest
 
 
-def test_damaged_edits_stop_the_object(simulated: Path, tmp_path: Path) -> None:
+def test_damaged_edits_stop_the_object(tiny: Path, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).random((112, 192)) < 0.5  # too large to lie in the index
     Edits.open(Location.parse(tmp_path / "store"), "hemisphere").save("front", Changes(mask=noise), "Ann", 0)
     chunks = tmp_path / "store" / "objects" / "hemisphere" / "repo" / "chunks"
     for chunk in chunks.iterdir():
         chunk.write_bytes(bytes(len(chunk.read_bytes())))
     with pytest.raises(DamagedError, match="of hemisphere/front/edits in edit 1 is damaged"):
-        with_edits([context_of(simulated, tmp_path / "store")])
+        with_edits([context_of(tiny, tmp_path / "store")])
 
 
 def test_spheres_drawn_where_lights_are_known_stop_their_capture_alone(
-    simulated: Path, tmp_path: Path, values: Changes
+    tiny: Path, tmp_path: Path, values: Changes
 ) -> None:
     Edits.open(Location.parse(tmp_path / "store"), "hemisphere").save("front", values, "Ann", 0)
-    context = context_of(simulated, tmp_path / "store")
+    context = context_of(tiny, tmp_path / "store")
     (tmp_path / "a.lp").write_text("1\nframe 0 0 1\n")
     update = {"spheres": (), "lights": str(tmp_path / "a.lp")}
     lit = replace(context, capture=context.capture.model_copy(update=update))

@@ -21,7 +21,7 @@ def test_reading_what_is_not_declared_fails(simulated: Path, tmp_path: Path, rea
         getattr(inputs, read)(name)
 
 
-def test_every_declared_result_is_read(simulated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_declared_result_is_read(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A result that is declared and never read would compute the stage again in vain."""
     reads: dict[str, set[str]] = {stage.name: set() for stage in STAGES}
     load = StageInputs.load
@@ -31,9 +31,9 @@ def test_every_declared_result_is_read(simulated: Path, tmp_path: Path, monkeypa
         return load(inputs, stage)
 
     monkeypatch.setattr(StageInputs, "load", recorded)
-    folder = Path(str(make_context(simulated, tmp_path).capture.mask)).parent
-    perform_all(make_context(simulated, tmp_path / "marked", markup=str(folder / "markup.json")))
-    perform_all(make_context(simulated, tmp_path / "estimated", mask=None), "mask")
+    folder = Path(str(make_context(tiny, tmp_path).capture.mask)).parent
+    perform_all(make_context(tiny, tmp_path / "marked", markup=str(folder / "markup.json")))
+    perform_all(make_context(tiny, tmp_path / "estimated", mask=None), "mask")
     assert reads == {stage.name: set(stage.reads) for stage in STAGES}
 
 

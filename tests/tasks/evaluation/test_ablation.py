@@ -1,5 +1,6 @@
 """The ablation of the labelling, and the reliability of the confidence."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from tests.tasks.make_context import make_context, perform_all
 
 
 @pytest.fixture(scope="module")
-def work(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+def work(simulated: Path, performed: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+    store = tmp_path_factory.mktemp("ablation") / "store"
+    shutil.copytree(performed, store)
     markup = Path(str(simulated)).parent / "hemisphere" / "front" / "markup.json"
-    work = make_context(simulated, tmp_path_factory.mktemp("ablation") / "store", markup=str(markup))
+    work = make_context(simulated, store, markup=str(markup))
     perform_all(work)
     return work
 

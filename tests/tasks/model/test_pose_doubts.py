@@ -48,7 +48,7 @@ def test_views_that_share_nothing_are_not_confirmed() -> None:
     assert "nothing confirms their poses" in warning.message and doubts.trust.tolist() == [0.9, 0.9]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_four_views_that_share_nothing_are_held_against_models_of_each_other() -> None:
     stated = registered_at(ANGLES, slice(None, None, 2))
     right = pose_doubts(stated, true_model(body()))

@@ -132,7 +132,7 @@ def test_a_table_alone_is_refused(ring: GlassScene) -> None:
         estimate_mask(ring.frames[0])
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, 3])
 def test_a_shadow_that_falls_away_from_the_light_is_no_part_of_the_object(
     monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
