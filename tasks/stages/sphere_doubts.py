@@ -205,8 +205,10 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
     if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
         # A sphere that was given and stands has the score 1.
         is_given = all(sphere.score == 1.0 for sphere in spheres)
+        worst = max(spheres, key=_contour_percent)
+        place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
         message = (
-            f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
+            f"the contour of the chrome sphere{place} is known to {_contour_percent(worst):.1f}% of its radius only, so"
             f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
             + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
         )
@@ -240,6 +242,6 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
     return []
 
 
-def _contour_percent(spheres: Sequence[Sphere]) -> float:
-    """Return the largest standard deviation of a sphere's centre or radius, in percent of its radius."""
-    return max(100.0 * max(sphere.centre_sd, sphere.radius_sd) / sphere.radius for sphere in spheres)
+def _contour_percent(sphere: Sphere) -> float:
+    """Return the standard deviation of a sphere's centre or radius, whichever is larger, in percent of its radius."""
+    return 100.0 * max(sphere.centre_sd, sphere.radius_sd) / sphere.radius

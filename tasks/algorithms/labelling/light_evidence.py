@@ -5,7 +5,7 @@ view towards the silhouette, as the field from the occluding contour does. Light
 or turn that sheet. A turn by an angle about the view vector multiplies the gradients of a surface z by a rotation, so
 their curl becomes sin(angle) times the Laplacian of z, and their divergence cos(angle) times it: the ratio of the two
 is the tangent of the angle. Lights that are early or late by some frames of a spiral turn the normals too. Where a file
-holds half vectors, normals seem to be tilted half as much as they are, at most 22.5 degrees.
+holds half vectors, normals seem to be slanted half as much as they are, at most 22.5 degrees.
 """
 
 from collections.abc import Mapping
@@ -39,8 +39,8 @@ MIN_AXES_RATIO = 1.1
 rendered captures with right lights it is 0.2 to 0.85 (`python -m tests.benchmarks.light_evidence`)."""
 MIN_OPPOSITE_RATIO = 1.6
 """The same for both axes negated: highlights of a rear wall, as concave as the front is convex, reach 1.2."""
-MAX_HALVED_TILT_DEG, TILT_QUANTILE = 24.0, 0.99
-"""Tilt in degrees that the candidates' quantile exceeds, unless the lights are half vectors, or none of them was more
+MAX_HALVED_SLANT_DEG, SLANT_QUANTILE = 24.0, 0.99
+"""Slant in degrees that the candidates' quantile exceeds, unless the lights are half vectors, or none of them was more
 than 45 degrees from the view axis."""
 MIN_HALF_RATIO = 1.7
 """Score of the lights as half vectors, relative to that as given, from which they are half vectors. 316 simulated
@@ -110,8 +110,8 @@ def light_evidence(
         scores[name] = _agreement(turned, ratios[name], expected, observed)
     best = max((name for name in AXES if name != AS_GIVEN), key=lambda name: scores[name])
     half_score = 0.0
-    if _max_tilt(candidates) < MAX_HALVED_TILT_DEG:
-        doubled = _with_double_tilt(candidates.astype(np.float32))
+    if _max_slant(candidates) < MAX_HALVED_SLANT_DEG:
+        doubled = _with_double_slant(candidates.astype(np.float32))
         half_score = _agreement(doubled, shape_log_ratio(doubled, inradius), expected, observed)
     turn, error = turn_angle(np.where((labels > 0)[..., None], candidates, np.nan).astype(np.float32), inradius)
     given_score = max(scores[AS_GIVEN], 1e-6)
@@ -142,16 +142,16 @@ def turn_angle(accepted: np.ndarray, inradius: float) -> tuple[float, float]:
     return float(turn), float(error)
 
 
-def _max_tilt(candidates: np.ndarray) -> float:
-    """Return the largest tilt, in degrees, of candidates (K, H, W, 3) but for outliers; infinite without any."""
+def _max_slant(candidates: np.ndarray) -> float:
+    """Return the largest slant, in degrees, of candidates (K, H, W, 3) but for outliers; infinite without any."""
     cosines = candidates[..., 2][np.isfinite(candidates[..., 2])]
     if not cosines.size:
         return float("inf")
-    return float(np.degrees(np.arccos(np.clip(np.quantile(cosines, 1.0 - TILT_QUANTILE), -1.0, 1.0))))
+    return float(np.degrees(np.arccos(np.clip(np.quantile(cosines, 1.0 - SLANT_QUANTILE), -1.0, 1.0))))
 
 
-def _with_double_tilt(normals: np.ndarray) -> np.ndarray:
-    """Return normals (.., 3) tilted twice as much from the view vector, NaN where that is away from the camera."""
+def _with_double_slant(normals: np.ndarray) -> np.ndarray:
+    """Return normals (.., 3) slanted twice as much from the view vector, NaN where that is away from the camera."""
     reflected = 2.0 * normals[..., 2:] * normals - np.array([0.0, 0.0, 1.0], normals.dtype)
     return np.where(reflected[..., 2:] > 1e-3, reflected, np.float32(np.nan))
 
@@ -159,13 +159,13 @@ def _with_double_tilt(normals: np.ndarray) -> np.ndarray:
 def _agreement(candidates: np.ndarray, ratio: np.ndarray, expected: np.ndarray, observed: np.ndarray) -> float:
     """Return how well the best candidate of each pixel is part of a surface and follows the silhouette, 0 to 1.
 
-    Pixels count by the tilt of the expected normal: one that faces the camera is the same under all axes.
+    Pixels count by the slant of the expected normal: one that faces the camera is the same under all axes.
     """
     error = angles(candidates, expected[None])
     follows = np.where(np.isfinite(error), np.exp(-(error**2) / (2.0 * SILHOUETTE_ERROR_DEG**2)), 0.0)
     exterior = np.where(np.isfinite(ratio), 1.0 / (1.0 + np.exp(-np.nan_to_num(ratio))), 0.0)
-    tilt = np.hypot(expected[..., 0], expected[..., 1])[observed]
-    return float(((exterior * follows).max(axis=0)[observed] * tilt).sum() / max(tilt.sum(), 1e-9))
+    slant = np.hypot(expected[..., 0], expected[..., 1])[observed]
+    return float(((exterior * follows).max(axis=0)[observed] * slant).sum() / max(slant.sum(), 1e-9))
 
 
 def _mean_best(ratio: np.ndarray, observed: np.ndarray) -> float:

@@ -21,8 +21,8 @@ READMITTED_PROBABILITY = 0.2
 LIT_SHARE_POWER = -1.5
 """Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
 light crosses the glass along many paths, most highlights are false (fitted to presets, as the next two)."""
-TILT_NATS_PER_DEG = 0.1
-"""Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
+SLANT_NATS_PER_DEG = 0.1
+"""Rise of the log-odds with the candidate's slant: the field is right where the surface faces the camera."""
 REJECTED_NATS = -4.0
 """Log-odds of a rejected candidate that faces the camera, before its evidence."""
 CONFIDENCE_RANGE, EXTERIOR_SHARE_RANGE = (0.01, 0.99), (0.1, 0.9)
@@ -91,8 +91,8 @@ def surface_probability(
     share = np.clip((patches.of(candidates.labels) > 0).mean(), *EXTERIOR_SHARE_RANGE)
     ratio += np.log(share / (1.0 - share)) + patches.of(candidates.evidence)
     lit = np.maximum(patches.mean(candidates.observations[patches.row, patches.column].astype(float)), 1.0)
-    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(candidates.normals)[:, 2]), -1.0, 1.0)))
-    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
+    slant = np.degrees(np.arccos(np.clip(patches.mean(patches.of(candidates.normals)[:, 2]), -1.0, 1.0)))
+    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + SLANT_NATS_PER_DEG * slant
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0))))
 
 

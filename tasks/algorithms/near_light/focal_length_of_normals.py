@@ -22,8 +22,8 @@ MAX_SAMPLES = 160
 """Pixels along the longer side of the region at most: for larger regions, every second or third pixel is taken."""
 MIN_SAMPLES = 200
 """Pairs of neighbours with normals below which nothing is estimated."""
-MAX_TILT_COSINE = np.cos(np.radians(60.0))
-"""Normals tilted by more than 60 degrees are left out: their gradients are mostly noise."""
+MAX_SLANT_COSINE = np.cos(np.radians(60.0))
+"""Normals slanted by more than 60 degrees are left out: their gradients are mostly noise."""
 MIN_PAIR_COSINE = np.cos(np.radians(12.0))
 """Neighbours whose normals differ by more than 12 degrees belong to different sheets."""
 STEP_WIDTHS, STEPS = 0.3, 2
@@ -156,7 +156,7 @@ class _Pairs:
     def of(cls, normals: np.ndarray) -> "_Pairs":
         """Return the pairs of normals (H, W, 3), NaN where there is none."""
         with np.errstate(invalid="ignore"):
-            known = normals[..., 2] > MAX_TILT_COSINE
+            known = normals[..., 2] > MAX_SLANT_COSINE
             to_right = (normals[:, 1:] * normals[:, :-1]).sum(axis=-1) > MIN_PAIR_COSINE
             upwards = (normals[1:] * normals[:-1]).sum(axis=-1) > MIN_PAIR_COSINE
         to_right &= known[:, 1:] & known[:, :-1]

@@ -38,6 +38,12 @@ def test_a_badly_known_contour_is_doubted_with_a_remedy_that_helps() -> None:
     assert "or a larger sphere" in doubts(Sphere(0.0, 0.0, 40.0, 1.0, 0.8, 0.8))[0]
 
 
+def test_of_two_spheres_the_worse_one_is_named() -> None:
+    spheres = [Sphere(10.0, 20.0, 40.0, 1.0, 2.0, 2.0), Sphere(30.0, 50.0, 40.0, 0.3, 3.0, 3.0)]
+    (warning,) = sphere_doubts(spheres, LIGHTS, is_near=False)
+    assert warning.message.startswith("the contour of the chrome sphere at (30.0, 50.0) is known to 7.5% of its radius")
+
+
 def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere() -> None:
     sphere = Sphere(0.0, 0.0, 50.0, 0.3, 0.5, 0.5)
     single, pair = (spheres_error([sphere] * count, HALF_VECTORS[:, 2]) for count in (1, 2))
