@@ -143,7 +143,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=58,
+        version=59,
     ),
     Stage(
         "depth",

@@ -196,9 +196,40 @@ def _best_normals(
     if best is None:
         return own
     part_mask, fitted = best
+    if own is None and silhouette.axes and not (part_mask & ~mask).any():
+        whole = _surface_of_the_whole(silhouette, (part_mask, fitted), accepted, candidates, field)
+        if whole is not None:
+            return whole
     normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
     return fitted._replace(normals=normals, depths=np.where(is_body, fitted.depths, np.nan))
+
+
+def _surface_of_the_whole(
+    silhouette: SilhouetteSymmetry,
+    body: tuple[np.ndarray, RotationalNormals],
+    accepted: np.ndarray,
+    candidates: np.ndarray,
+    field: np.ndarray,
+) -> RotationalNormals | None:
+    """Return the normals of the surface in a symmetric silhouette, if a part of it is the body of such a surface.
+
+    What lies beside the body is as symmetric as the body: no handle, but more of it, of which false normals were
+    accepted. None: what was observed on the body fits that worse than the body's own surface.
+
+    Args:
+        silhouette: symmetric.
+        body: part (H, W) bool of the silhouette, and its surface.
+        accepted, candidates, field: see `surface_of_revolution_normals`.
+    """
+    mask, fitted = body
+    within, shown = (np.where(mask[..., None], normals, np.nan) for normals in (accepted, candidates))
+    whole = surface_of_revolution_normals(silhouette, within, candidates, field, IMPERFECT_LIMITS)
+    if whole is None:
+        return None
+    observed = _observed(within, shown)
+    is_better = _observed_error(whole.normals, *observed) <= _observed_error(fitted.normals, *observed)
+    return whole if is_better else None
 
 
 def _observed(accepted: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Slightly conical solids with flat ends, a beaker and tumblers, rendered from formulas."""
+"""Solids of revolution with flat ends, a beaker, tumblers, a bowl and a vase, rendered from formulas."""
 
 import numpy as np
 
@@ -40,6 +40,14 @@ def bowl_on_stem(tilt: float) -> SurfaceOfRevolution:
     """Return a conical bowl on a stem with a flat foot, at a tilt in degrees."""
     heights = np.arange(-75.0, 76.0, 0.5)
     radii = np.select([heights < -70.0, heights < 5.0], [30.0, 4.0], np.clip(4.0 + 1.1 * (heights - 5.0), 4.0, 45.0))
+    radii[[0, -1]] = 0.0
+    return upright_surface(radii, heights, tilt)
+
+
+def flared_vase(tilt: float) -> SurfaceOfRevolution:
+    """Return a vase with a waist under a flared rim, at a tilt in degrees."""
+    heights = np.arange(-75.0, 76.0, 0.5)
+    radii = np.interp(heights, (-75.0, -10.0, 45.0, 75.0), (24.0, 46.0, 20.0, 31.0))
     radii[[0, -1]] = 0.0
     return upright_surface(radii, heights, tilt)
 

@@ -3,6 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.multiview.view import rotation_about_y
 from glint.tasks.algorithms.revolution.rotational_normals import COMPLETED_LIMITS, IMPERFECT_LIMITS, RotationalSymmetry
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
 from glint.tasks.algorithms.revolution.symmetry import surface_of_revolution_normals
@@ -12,6 +13,7 @@ from tests.tasks.algorithms.revolution.beaker import (
     camera_positions,
     cylindrical,
     false_sheets,
+    flared_vase,
     observable,
     seen_normals,
     turned,
@@ -43,6 +45,21 @@ def test_a_body_is_found_with_its_handle() -> None:
     assert np.median(error[handle & body]) < 5.0
 
 
+def test_a_flared_rim_belongs_to_the_body_though_its_accepted_normals_are_those_of_the_far_wall() -> None:
+    surface = flared_vase(14.0)
+    truth = seen_normals(surface)
+    _, y = camera_positions()
+    mask, is_rim = np.isfinite(truth[..., 0]), y > 48.0
+    accepted = observable(np.where(is_rim[..., None], seen_normals(surface, far=True), truth))
+    assert np.isfinite(accepted[is_rim & mask, 0]).mean() > 0.5
+    candidates, field = np.stack([observable(truth), accepted]), truth @ rotation_about_y(7.0).T
+    assert surface_of_revolution_normals(SilhouetteSymmetry(mask), accepted, candidates, field) is None
+    result = RotationalSymmetry(mask, None).normals(accepted, candidates, field)
+    assert result is not None
+    error = angles(result.normals, truth)
+    assert np.median(error[mask & ~is_rim]) < 2.0 and np.median(error[mask & is_rim]) < 4.0
+
+
 def test_a_surface_of_revolution_is_found_where_the_mask_lacks_a_part_of_one_side() -> None:
     truth = beaker_normals(14.0)
     x, y = camera_positions()
@@ -71,9 +88,7 @@ def test_normals_contradict_a_mask_that_lacks_the_same_on_both_sides() -> None:
 
 def test_what_was_observed_decides_where_accepted_normals_fit_smooth_field_and_surface_alike() -> None:
     truth = beaker_normals(14.0)
-    mask, turn = np.isfinite(truth[..., 0]), np.radians(8.0)
-    sideways = np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]])
-    field = truth @ sideways.T
+    mask, field = np.isfinite(truth[..., 0]), truth @ rotation_about_y(8.0).T
     accepted = np.where(camera_positions()[0][..., None] < 0.0, unit(truth + field), np.nan)
     symmetry = RotationalSymmetry(mask, None)
     assert symmetry.normals(accepted, truth[None], field) is None
