@@ -27,8 +27,8 @@ EXCLUDED_RADII = 1.3
 MIN_KNOWN_LIGHTS, UNSHADOWED_ROUNDS = 60, 2
 """Frames of known lights from which those that pass the object are enough, and times that its outline chooses them."""
 WINDOW_MARGIN_SHARE = 0.2
-"""Margin about the object and the table around it beyond which nothing is looked at, as a share of the edge of a square
-of the object's area: for walls and feet, and for what is smoothed."""
+"""Margin about the object and the table around it beyond which nothing is looked at, as a share of the square root of
+the object's area: for walls and feet, and for what is smoothed."""
 SHADOW_CUTS = (0.1, 1.0), (0.03, 0.5)
 """Nats by which a pixel is preferred inside where a contour within a shadow is looked for, as that contour is shorter,
 and the edge, in those of the table's texture, below which the contour outside may be a shadow's."""
