@@ -45,8 +45,11 @@ levels), and of the room's share by shadows that are not wholly dark."""
 
 @dataclass(frozen=True, slots=True)
 class Falloff:
-    """inverse_distance: of the light from the reference point, 1/pixels, 0 for a distant one; standard_deviation: of
-    it, by scatter and model together."""
+    """Distance of a light as the background shows it.
+
+    inverse_distance: of the light from the reference point, 1/pixels, 0 for a distant one. standard_deviation: of the
+    inverse distance, by scatter and model together.
+    """
 
     inverse_distance: float
     standard_deviation: float
