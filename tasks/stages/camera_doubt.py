@@ -32,8 +32,8 @@ from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.light_distance import DistanceResult, region_pixels
 
 MIN_CAMERA_COST_DEG, MIN_UNKNOWN_COST_DEG = 1.0, 2.5
-"""Usual error below which there is no warning: by a camera that is near, and by one that may be near, from where on
-confidence falls."""
+"""Usual error below which there is no warning: of a camera that is near, and of one that may be near, where
+confidence begins to fall."""
 LEAST_FOCAL_WIDTHS = 85.0 / 36.0
 """Focal length in frame widths of the shortest lens that the guide to photographing recommends without a matrix."""
 NORMALS_ERROR_WIDTHS, NORMALS_RELATIVE_ERROR = 0.1, 0.1

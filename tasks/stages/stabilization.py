@@ -28,7 +28,7 @@ SAMPLED_FRAMES = 24
 SAMPLED_PIXELS = 1 << 19
 """Pixels of a frame beyond which these are made smaller."""
 MIN_FRAMES = 100
-"""Frames from which on a camera may have moved: sets of photographs are steady."""
+"""Least number of frames of a capture whose camera may have moved: sets of photographs are steady."""
 STEADY_PX = 0.6
 """Shake up to which frames are taken as they are: half of it is the codec's."""
 STEADY_OBJECT_PX = 1.5

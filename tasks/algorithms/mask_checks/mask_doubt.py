@@ -21,7 +21,8 @@ from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distan
 from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
-"""A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
+"""Levels by which a highlight stands out of its surroundings, and the quantile of what the table's pixels do that it
+must exceed by a factor."""
 TABLE_QUARTILES = 6.0
 """Bound of that quantile where the mask lacks a part of the object, in distances of the table's third quartile from its
 median: half of it may be glass."""

@@ -26,7 +26,7 @@ differs whatever its neighbours do: lines of highlights are a pixel wide."""
 MAX_RATIO = 5.0
 """Bound of the log-likelihood ratio of a pixel, nats: a surprise is no proof."""
 FEATURE_LIMITS = -4.0, 6.0
-"""Bounds of the two features, standard deviations of the table: beyond them a pixel differs from it in any case."""
+"""Bounds of the two features, which are log ratios: beyond them a pixel differs from the table in any case."""
 FEATURE_SIGMA_PX = 0.6
 """Standard deviation of the smoothing before edges of the features are taken."""
 CUT_STRENGTH, CUT_CONTRAST = 3.0, 0.5
@@ -36,7 +36,7 @@ RESPONSE_EDGE = 0.24
 MIN_HIGHLIGHT_PX = 12
 """Pixels with highlights below which there is no object."""
 MAX_HIGHLIGHT_SHARE = 0.9
-"""Share of the picture beyond which highlights are no highlights."""
+"""Share of the picture beyond which what flashes is not taken for highlights."""
 MIN_GAP_PX, MIN_GAP_SHARE, MAX_GAP_PX, MAX_GAP_SHARE = 3.0, 0.02, 20.0, 0.4
 """Distances from the object between which the table is sampled, in pixels and as a share of the square root of the
 object's area, whichever is more: beyond the blur of the contour, and where the light is still the same."""

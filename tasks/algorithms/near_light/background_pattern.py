@@ -23,12 +23,12 @@ ROUNDING_DEVIATION = 12.0**-0.5
 """Least such deviation, in levels: that of rounding. On a plain table most levels can be equal, and the pattern is in
 those that are not."""
 MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
-"""Frames in which levels change from which these alone are used, and changes of a frame and of a place from which their
-medians are known."""
+"""Least number of frames with changed levels for these alone to be used, and least numbers of changes in a frame and at
+a place for their medians to be known."""
 ITERATIONS = 5
 """Times that the inverse distance is improved."""
 START_REACHES = 0.02
-"""Inverse distance from which the iteration starts, in those of the farthest place: it must not be 0."""
+"""Inverse distance from which the iteration starts, times the distance of the farthest place; it must not be 0."""
 MEDIAN_ROUNDS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8

@@ -161,7 +161,7 @@ def _held_levels(levels: np.ndarray) -> float:
 def _falloff_by_changes(background: Background, whole: PatternFit, hidden: float) -> Falloff:
     """Return the falloff by the levels that have just changed, where they show it; else `whole`, the fit of all levels.
 
-    Moving shadows and caustics change levels most: whether a light is near at all is not told by changes alone.
+    Moving shadows and caustics change levels most, so changes alone do not decide whether a light is near at all.
 
     hidden: inverse distance whose pattern a codec may hide, 1/pixels.
     """

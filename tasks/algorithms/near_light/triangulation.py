@@ -37,9 +37,9 @@ ALTERNATIONS = 4
 MAX_INVERSE_DISTANCE_SPAN = 1.5
 """Largest inverse distance, times the spheres' span, that a step may reach: nearer lights stand between the spheres."""
 MIN_INVERSE_RATIO, MAX_INVERSE_RATIO = 0.3, 3.0
-"""Bounds of a frame's inverse distance, in that which fits all frames."""
+"""Bounds of a frame's inverse distance, relative to the one that fits all frames."""
 SMOOTHING_FRAMES = (4.0, 12.0, 36.0, 108.0)
-"""Lengths in frames over which a varying distance is smoothed that are tried."""
+"""Lengths, in frames, that are tried for the smoothing of a varying distance."""
 HELD_OUT_FRAMES = 8
 """Length of the blocks of frames that cross-validation withholds in turn; neighbouring frames err alike."""
 MIN_VALIDATION_GAIN = 0.1

@@ -17,7 +17,8 @@ from glint.tasks.algorithms.lighting.spheres import CROP_MARGIN_RATIO, Sphere, c
 LIGHT_SECTORS = 12
 """Equal parts of the circle of directions in the image."""
 MIN_FRAMES_SHARE = 0.25
-"""Share of the frames that a pixel keeps at least: the sectors in which least of the object lies before the light."""
+"""Least share of the frames that a pixel keeps: where too few lights pass, those before which the least of the object
+stands are added."""
 FREE_PX = 1.0
 """Pixels of the object on a line up to which it passes the object."""
 
