@@ -172,7 +172,7 @@ def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
 
 
 def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
-    """Return the first solid no face of which confident normals largely contradict, as where an end is another one.
+    """Return the first solid none of whose faces confident normals largely contradict, as they do if an end is wrong.
 
     state: explained by flat faces, if there are any.
     """
