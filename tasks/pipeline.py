@@ -163,7 +163,7 @@ STAGES = (
         version=4,
     ),
 )
-"""Survey comes first because everything is cropped by it; the object is published after its last capture."""
+"""Stages in the order in which they run. The survey comes first, since everything is cropped by it."""
 BY_NAME = {stage.name: stage for stage in STAGES}
 NAMES = tuple(BY_NAME)
 SCHEMAS: Mapping[str, Mapping[str, ArraySchema]] = {stage.name: stage.arrays for stage in STAGES}

@@ -24,7 +24,7 @@ from glint.tasks.engine.stage_function import ImportedFunction
 from glint.tasks.pipeline import NAMES, STAGES
 
 PARALLEL = next(number for number, stage in enumerate(STAGES) if stage.parallel_tiles)
-"""The stage whose tiles many workers can process, and that takes longest with long videos."""
+"""Index of the stage whose tiles many workers can process; it takes longest with long videos."""
 
 
 def is_store_unreachable(task: Any, run: Any, state: Any) -> bool:

@@ -71,7 +71,7 @@ class TaskRunReporter:
             self._context.run(self._stage_run.announce_running)
 
     def handle(self, event: Event, moment: datetime) -> None:
-        """Report an event of a moment."""
+        """Report an event; moment: when it happened on its worker."""
         match event:
             case StageStarted():
                 if self._stage_run is not None:

@@ -40,7 +40,7 @@ def run(
     adopt: continue objects that another catalogue has published.
 
     Raises:
-        CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
+        CatalogueError, InputError: the catalogue is unusable; RunningError: the server or the cluster is.
     """
     started = time.monotonic()
     console.emit(Message(f"reading {catalogue} and what {store} holds of it"))

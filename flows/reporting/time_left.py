@@ -2,7 +2,7 @@
 
 The work of a stage is what it took for a capture of the paper's size (docs/sizing.md): a part that grows with the
 frames, and a part that does not. The speed is measured: seconds for each unit of work, of each stage that has ended in
-this run, and of all of them for the stages that have not. Before anything is measured, nothing is said.
+this run, and of all of them for the stages that have not. Before anything is measured, no time is given.
 """
 
 import threading

@@ -147,15 +147,18 @@ class Edits:
 
         return self._save(undone.capture, decide, author, f"undo of edit {revision}", undoes=revision)
 
-    def next_undo(self, capture_id: str, author: str | None = None) -> int | None:
-        """Return the newest revision (of an author) that is neither an undo nor undone, None where there is none."""
+    def next_undo(self, capture_id: str) -> int | None:
+        """Return the newest revision that can be undone, None where there is none.
+
+        It is neither an undo nor undone, and changes more than the note.
+        """
         history = self.history(capture_id)
         undone = set[int]()
         for item in reversed(history):
             if item.undoes is not None and item.number not in undone:
                 undone.add(item.undoes)
             is_undoable = item.undoes is None and item.number not in undone and set(item.fields) != {"note"}
-            if is_undoable and author in (None, item.author):
+            if is_undoable:
                 return item.number
         return None
 

@@ -20,7 +20,7 @@ from glint.storage.locations.location import Location
 from glint.storage.locations.time_limit import items_within_time, within_time
 
 MIN_KEYFRAMES = 8
-"""Keyframes from which on they stand for the whole video."""
+"""Least number of keyframes that stand for the whole video."""
 UNKNOWN_LENGTH_STEP = 64
 """Frames from one that is taken to the next in a video that does not state how many it has."""
 MAX_DECODERS = 4
@@ -101,7 +101,7 @@ class Video:
     def _numbered(
         self, container: Any, start: int, step: int, warnings: list[str]
     ) -> Iterator[tuple[int, np.ndarray | None, float | None]]:
-        """Yield number, luma (None: not wanted) and time of each frame; what is decoded again in vain has no luma."""
+        """Yield number, luma (None: not wanted) and time of each frame; one that is only decoded again has no luma."""
 
         def is_wanted(number: int) -> bool:
             return number >= start and (number - start) % step == 0

@@ -113,4 +113,5 @@ def _finite_domain(results: Mapping[str, ArraySource], finite: str) -> np.ndarra
     if stage not in results or array not in results[stage].arrays:
         return None
     values = results[stage].read(array)
+    # A frame is accepted if the reason against it is 0.
     return values if finite == "mask" else values == 0

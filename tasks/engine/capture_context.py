@@ -24,11 +24,17 @@ OPEN_REPOSITORIES = 8
 
 @dataclass(frozen=True)
 class CaptureContext:
-    """A capture in a store. `store` is an address; `run` names the run; `rehash`: trust no remembered digest.
+    """A capture in a store.
 
-    edits: what of the entry a person has edited in the store, see `with_edits`; ref: the version that its results are
-    loaded from, `work` for the newest ones; catalogue_entry: the capture without these edits, None where there are
-    none.
+    store: address of the store.
+    object_id: the object that the capture is of.
+    capture: its entry in the catalogue, with the edits of the store where they are applied, see `with_edits`.
+    parameters: of all stages, merged.
+    run: name of the run.
+    rehash: whether digests of the files are computed anew, not remembered.
+    edits: what a person has edited of the entry; None where nothing is, or edits are not applied.
+    ref: the version that its results are loaded from, `work` for the newest ones.
+    catalogue_entry: the entry without these edits, None where there are none.
     """
 
     store: str
@@ -99,7 +105,7 @@ class CaptureContext:
         }
 
     def stamps(self, keys: Collection[str]) -> list[Any]:
-        """Return other values if one of the files under these keys changes, without reading them.
+        """Return stamps of the files under these keys, which differ once a file changes; no file is read.
 
         Raises:
             InputError: they cannot be read.
@@ -107,10 +113,10 @@ class CaptureContext:
         return [input_stamps(address) for key in sorted(keys) if (address := self.file(key)) is not None]
 
     def check_unchanged(self, keys: Collection[str]) -> None:
-        """Check that the files under these keys are those of which the digests are; changed ones are read again.
+        """Check that the files under these keys still have the digests that were taken; changed ones are read again.
 
         Raises:
-            InputError: they are not.
+            InputError: one has another digest, or cannot be read.
         """
         for key in sorted(keys):
             address = self.file(key)

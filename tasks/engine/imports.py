@@ -10,10 +10,10 @@ from types import ModuleType
 
 @contextmanager
 def collection_paused() -> Iterator[None]:
-    """Import without Python's search for cycles of garbage, and leave what there is out of later searches.
+    """Pause Python's cyclic garbage collector during imports, and exempt all that then exists from later collections.
 
-    Modules keep nearly all that their import makes. To look at all of it again and again takes a tenth to a fifth of
-    the time of an import, and in a process that was forked it copies the memory that both share.
+    Modules keep nearly everything that their import creates. To look through it again and again takes a tenth to a
+    fifth of the time of an import, and in a forked process it copies the memory that both processes share.
     """
     gc.disable()
     try:

@@ -29,9 +29,8 @@ from glint.tasks.engine.stage_warning import StageWarning
 Progress = Callable[[int, int | None], None]
 """Called with the parts that are done and their total (None: unknown)."""
 
-
 ATTEMPTS = 2
-"""To compute a stage whose files change meanwhile: what was copied once is not copied again and again."""
+"""Times that a stage is computed while its files change: a copy that has ended does not disturb the second one."""
 
 
 @dataclass(frozen=True)
@@ -192,8 +191,8 @@ def load_or_compute(
 ) -> StageRecord:
     """Return the record stored under this key of a capture (or of the whole object); else compute and save it.
 
-    What is stored and damaged is computed again. What an earlier version holds under the key, since an edit or the
-    catalogue is as it was then, becomes the newest result without being computed.
+    A damaged result is computed again. A result that an earlier version holds under the key, since edits and catalogue
+    are as they were then, becomes the newest one without being computed.
 
     about: the stage's own part of the record; its `versions` are joined by those of the code.
     """

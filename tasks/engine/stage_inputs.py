@@ -33,7 +33,7 @@ class CaptureResults(Protocol):
         """Return the content digest of the file or files under a key, None where the catalogue gives none."""
 
     def check_unchanged(self, keys: Collection[str]) -> None:
-        """Check that the files under these keys are still those of which the digests are."""
+        """Check that the files under these keys still have the digests that were taken."""
 
 
 class Declaration(Protocol):
@@ -123,7 +123,7 @@ class StageInputs:
         return self._context.digest(key)
 
     def check_unchanged(self, keys: Collection[str]) -> None:
-        """Check that the files under these keys are still those of which the digests are.
+        """Check that the files under these keys still have the digests that were taken.
 
         Raises:
             UndeclaredRead: one is not declared; InputError: one is not the same.

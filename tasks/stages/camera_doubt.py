@@ -26,14 +26,14 @@ from glint.tasks.algorithms.near_light.focal_length_of_normals import (
 )
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.half_vector_error import unknown_camera_error
-from glint.tasks.algorithms.near_light.positions import mean_distance
+from glint.tasks.algorithms.near_light.positions import median_distance
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.light_distance import DistanceResult, region_pixels
 
 MIN_CAMERA_COST_DEG, MIN_UNKNOWN_COST_DEG = 1.0, 2.5
-"""Usual error below which there is no warning: by a camera that is near, and by one that may be near, from where on
-confidence falls."""
+"""Usual error below which there is no warning: of a camera that is near, and of one that may be near, where
+confidence begins to fall."""
 LEAST_FOCAL_WIDTHS = 85.0 / 36.0
 """Focal length in frame widths of the shortest lens that the guide to photographing recommends without a matrix."""
 NORMALS_ERROR_WIDTHS, NORMALS_RELATIVE_ERROR = 0.1, 0.1
@@ -77,7 +77,7 @@ def with_camera_of_spheres(
         return measured, None
     if focal is None:
         # Light and camera stand on the same side of the object: a camera may be as near as a light that is near.
-        light = np.inf if measured.near is None else mean_distance(measured.near.inverse_distance)
+        light = np.inf if measured.near is None else median_distance(measured.near.inverse_distance)
         return measured, {"least_focal": min(LEAST_FOCAL_WIDTHS * width, light), "is_light_near": light < np.inf}
     error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
     evidence = "the spheres show the light in directions that only a near camera explains"

@@ -21,9 +21,15 @@ SPHERE_MARGIN_PX = 4
 
 @dataclass(frozen=True)
 class CaptureGeometry:
-    """frame_size: (width, height) in pixels; region: the object's, in pixels of the full frame; spheres: in pixels of
-    the full frame; camera: the perspective camera's matrix (3, 3) in pixels of the full frame, None: orthographic;
-    pixel_size: millimetres of a pixel, None: unknown; unit: of depth, `mm` or `pixels`."""
+    """Where things are in the full frame of a capture, in its pixels, and their scale.
+
+    frame_size: (width, height).
+    region: the object's.
+    spheres: given or found, as they were measured.
+    camera: (3, 3), the perspective camera's matrix; None: orthographic.
+    pixel_size: millimetres of a pixel, None: unknown.
+    unit: of depth, `mm` or `pixels`.
+    """
 
     frame_size: tuple[int, int]
     region: Region

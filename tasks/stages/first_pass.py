@@ -23,7 +23,7 @@ from glint.tasks.stages.levels import LevelRecorder
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 
 MIN_SAMPLED_FRAMES = 3
-"""Frames below which their temporal median has a pixel's highlight if one of them has it."""
+"""Least number of sampled frames: in the temporal median of fewer, a highlight that one of them shows remains."""
 MIN_BRIGHTEST = 16.0
 """Level of the brightest pixel of a video, 0 to 255, below which it shows nothing: video's black and its noise."""
 SAMPLE_BYTES = 256 << 20

@@ -73,17 +73,9 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
     view, readmission = load_view(inputs), has_readmission(inputs.field("pose"))
     result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
-    mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
-    doubt = _light_doubt(inputs, view.clusters, result.labels)
-    camera = _camera_doubt(inputs, view.clusters, result.labels)
-    nz = np.where(view.mask, result.normals[..., 2], 1.0)
-    spheres_sd = spheres_error(load_geometry(inputs).spheres, nz)
-    lights_sd = np.full(half_vector_sd.shape, doubt.half_vector_sd)
-    shared_sd = combined_error([half_vector_sd, spheres_sd, camera.half_vector_sd, lights_sd])
-    # Highlights of two scenes belong to two surfaces.
-    is_one_scene = inputs.load("survey").record["scene_change"] is None
-    trusted_share = doubt.share if is_one_scene else CHANGED_SCENE_SHARE * doubt.share
-    confidence = with_input_doubt(trusted_share * result.confidence, shared_sd, mask.read("doubt"))
+    light_doubt = _light_doubt(inputs, view.clusters, result.labels)
+    camera_doubt = _camera_doubt(inputs, view.clusters, result.labels)
+    confidence = _confidence(inputs, view.mask, result, light_doubt, camera_doubt)
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     confident = float((confidence[result.provenance != OUTSIDE] >= CONFIDENT).mean())
     return StageOutput(
@@ -102,8 +94,25 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             ],
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
-        warnings=[*doubt.warnings, *camera.warnings],
+        warnings=[*light_doubt.warnings, *camera_doubt.warnings],
     )
+
+
+def _confidence(
+    inputs: StageInputs, mask: np.ndarray, result: Reconstruction, light_doubt: LightDoubt, camera_doubt: CameraDoubt
+) -> np.ndarray:
+    """Return the confidence (H, W) float32 in normals, lowered by what may be wrong about all of them.
+
+    mask: (H, W) bool.
+    """
+    half_vector_sd = inputs.load("lights").read("half_vector_sd")
+    spheres_sd = spheres_error(load_geometry(inputs).spheres, np.where(mask, result.normals[..., 2], 1.0))
+    lights_sd = np.full(half_vector_sd.shape, light_doubt.half_vector_sd)
+    shared_sd = combined_error([half_vector_sd, spheres_sd, camera_doubt.half_vector_sd, lights_sd])
+    # Highlights of two scenes belong to two surfaces.
+    is_one_scene = inputs.load("survey").record["scene_change"] is None
+    trusted_share = light_doubt.share if is_one_scene else CHANGED_SCENE_SHARE * light_doubt.share
+    return with_input_doubt(trusted_share * result.confidence, shared_sd, inputs.load("mask").read("doubt"))
 
 
 def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> LightDoubt:

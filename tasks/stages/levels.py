@@ -15,7 +15,7 @@ from glint.tasks.stages.capture_geometry import OBJECT
 LEVEL_RUNS, LEVEL_FRAMES = 24, 64
 """Most runs of frames from which background and peak level are taken, and the frames of one."""
 MEDIAN_STEP = 16
-"""Frames of them from one for the median to the next: neighbouring frames are alike."""
+"""Frames of a run from one that counts in the median to the next: neighbouring frames are alike."""
 BACKGROUND, PEAK, CLIPPED = "background", "peak", "clipped"
 """Arrays of the stage `frames`: levels (H, W) of the frames' dtype, and (T, 2) uint32, see `clipped_pixels`."""
 
@@ -33,15 +33,15 @@ class LevelRecorder(FootageWrapper):
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .."""
-        passes = start == 0 and step == 1
-        if passes:
+        is_whole_pass = start == 0 and step == 1
+        if is_whole_pass:
             self._clipped, self._levels, self._is_complete = [], _Levels(self.count), False
         for number, frame in enumerate(self._footage.frames(start, step)):
-            if passes:
+            if is_whole_pass:
                 self._clipped.append(clipped_pixels(frame[self._window]))
                 self._levels.add(number, frame[self._window])
             yield frame
-        self._is_complete = self._is_complete or passes
+        self._is_complete = self._is_complete or is_whole_pass
 
     def arrays(self, cache: FrameCache) -> Mapping[str, np.ndarray]:
         """Return the arrays to save; of frames that did not pass, since they were stored, by reading the cache.

@@ -58,7 +58,7 @@ beyond that of a usual one (`python -m tests.benchmarks.light_sizes`)."""
 MAX_REFLECTION_RUNS = 50
 """Most runs of frames from which a sphere's static reflection is taken."""
 REFLECTION_STEP, MAX_UNTHINNED_FRAMES = 16, 640
-"""Every so many-th frame of these runs is taken, in a capture of more frames than the second number; else all are."""
+"""Frames of these runs from one that is taken to the next, and frames of a capture up to which all are taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _record(
     measured: _MeasuredLights, result: Lights, sweep: Coverage, geometry: CaptureGeometry, source: str
 ) -> dict[str, Any]:
     """Return the record of the lights that are kept, of their sweep, and of what was measured beside them."""
-    median, worst = inter_sphere_angles(result)
+    median, percentile_95 = inter_sphere_angles(result)
     return {
         "source": source,
         "reasons": list(REASONS),
@@ -143,7 +143,7 @@ def _record(
         "camera": measured.camera,
         "light_radius_degrees": measured.light_radius,
         "spheres_error": sweep_error(geometry.spheres, result),
-        "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
+        "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": percentile_95},
     }
 
 

@@ -26,15 +26,15 @@ from glint.tasks.engine.stage_warning import StageWarning
 SAMPLED_FRAMES = 24
 """Frames over the video in which the shake is measured."""
 SAMPLED_PIXELS = 1 << 19
-"""Pixels beyond which these are made smaller."""
+"""Pixels of a frame beyond which these are made smaller."""
 MIN_FRAMES = 100
-"""Frames from which on a camera may have moved: sets of photographs are steady."""
+"""Least number of frames of a capture whose camera may have moved: sets of photographs are steady."""
 STEADY_PX = 0.6
 """Shake up to which frames are taken as they are: half of it is the codec's."""
-STABILIZED_ERROR_DEG = 1.0
-"""Degrees by which the mean error of simulated captures grows when a shake was corrected (docs/evaluation.md)."""
 STEADY_OBJECT_PX = 1.5
 """The same where only the object and the spheres have structure: shading moves over a round object with the light."""
+STABILIZED_ERROR_DEG = 1.0
+"""Degrees by which the mean error of simulated captures grows when a shake was corrected (docs/evaluation.md)."""
 SETTLED_PX = 1.0
 """Distance from one of the places of a knocked camera up to which a frame is taken to stand there."""
 UNKNOWN_SHAKE_ERROR_DEG = 5.0

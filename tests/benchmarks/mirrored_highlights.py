@@ -25,7 +25,7 @@ TRUE_SHARE, APART_SHARE = 0.06, 0.3
 def refused(frames: np.ndarray, circle: Sphere, max_beside_share: float) -> bool | None:
     """Return whether a circle is refused for its highlights, with so many left out; None: for something else."""
     with patch.object(sphere_tests, "MAX_BESIDE_SHARE", max_beside_share):
-        reason = sphere_tests.is_chrome(frames, circle)
+        reason = sphere_tests.reason_against_chrome(frames, circle)
     if reason is None:
         return False
     return True if "as glass does" in reason or "as that of glass has" in reason else None

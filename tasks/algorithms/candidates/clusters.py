@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.candidates.densest_discs import densest_discs
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels, collect_lit_frames
-from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surround_response
+from glint.tasks.algorithms.candidates.surround import Rings, candidate_shading, find_rings
 
 USUAL_DISC_DEG = 2.2
 """Radius of the disc of half vectors of a usual light: half of what it lights."""
@@ -89,7 +89,7 @@ def cluster_pixels(
     lit = collect_lit_frames(levels, usable, flat)
     normals, weight, spread, count, winner = densest_discs(lit, half_vectors, weights, clusters, radius, separation)
     rings = rings or find_rings(half_vectors, weights)
-    shading = surround_response(levels, lit, half_vectors, normals, float(np.cos(radius)), rings)
+    shading = candidate_shading(levels, lit, half_vectors, normals, float(np.cos(radius)), rings)
     shape = (clusters, height, width)
     return Clusters(
         normals.reshape(*shape, 3),

@@ -1,4 +1,4 @@
-"""Response around a highlight: how bright a pixel stays when the light moves away from where it lights the pixel most.
+"""Shading of candidates: how bright a pixel stays when the light moves away from where it lights the pixel most.
 
 A surface that mirrors shows the light itself: once the half vector is farther from the normal than the light's own
 disc, the pixel is as dark as anywhere. What scatters the light is shaded: its brightness falls with the cosine of the
@@ -86,7 +86,7 @@ def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_mos
 
 
 @njit(cache=True, nogil=True)
-def surround_response(
+def candidate_shading(
     frames: np.ndarray,
     lit: LitFrames,
     half_vectors: np.ndarray,
@@ -94,7 +94,7 @@ def surround_response(
     cos_radius: float,
     rings: Rings,
 ) -> np.ndarray:
-    """Measure how bright pixels are in the rings around their candidates' lit frames.
+    """Measure the shading of candidates: how bright pixels are in the rings around their lit frames.
 
     Args:
         frames: (T, N) uint8 or uint16.

@@ -34,9 +34,9 @@ MIN_REGISTERED = 0.6
 MAX_REFERENCES = 3
 """References to which all frames are registered, one after the other."""
 MIN_REFERENCE_FRAMES = 5
-"""Registered frames from which on their median is a reference."""
+"""Least number of registered frames whose median is a reference."""
 MAX_GAUSS_NEWTON_STEPS, CONVERGED_STEP_PX = 8, 0.01
-"""Limit of the steps that refine a translation, and the step from which on it has settled."""
+"""Limit of the steps that refine a translation, and the size of a step below which it has settled."""
 STILL_AGREEMENT = 0.8
 """Share of the blocks with structure that agree on a frame's having stood still, without a search farther off."""
 MAX_SHIFT_PX = 16

@@ -29,17 +29,28 @@ CONVERGED_SHARE = 0.002
 class Alternation:
     """State of the alternation: what iterations and explanations replace, beside the view, which stays.
 
-    No array is changed in place, so that copies can go on independently; they share the view.
+    Methods replace arrays and never change them in place, so a shallow copy can go on by itself; copies share the view.
 
-    expected (H, W, 3): field that is given or that a body explains, None without; is_given: whether it is given. labels
-    (K, H, W) bool: exterior nodes. marks: constraints of the user's marks; influence (K, H, W): of marks on their
-    sheets; unmarked_labels (K, H, W) bool: those that marks met. own_evidence (K, H, W): of the view, less that of
-    refuted faces; face_evidence (K, H, W): by faces that candidates prove. readmitted (K, H, W): probability of nodes
-    that were rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H,
-    W): theirs, else NaN. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present
-    field. faces: flat faces of the field, if any. relief_fit: of the expected surface of revolution, 0 without relief.
-    body_depth (H, W): of an expected surface of revolution or solid. solid: of flat faces, if expected. seen_through
-    (K, H, W) bool: candidates that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
+    expected: (H, W, 3), the expected field, given or that of a body; None without.
+    is_given: whether the expected field was given.
+    labels: (K, H, W) bool, exterior nodes.
+    marks: constraints of the user's marks.
+    influence: (K, H, W), of marks on their sheets, see `mark_influence`.
+    unmarked_labels: (K, H, W) bool, the labels when the marks were applied.
+    own_evidence: (K, H, W) nats, that of the view, less what refuted faces take from it.
+    face_evidence: (K, H, W) nats, of faces that candidates prove.
+    readmitted: (K, H, W), probability of nodes that were rejected and then readmitted, 0 elsewhere.
+    known: (H, W) bool, where accepted normals enter the field.
+    values: (H, W, 3), accepted normals, NaN elsewhere.
+    confidence: (H, W), that of accepted normals, NaN elsewhere.
+    initial, smooth: (H, W, 3), first and present field.
+    faces: flat faces of the field, if any.
+    relief_fit: of the expected surface of revolution, 0 without relief.
+    body_depth: (H, W), depth of the body that has the expected field, if there is one.
+    solid: the prism or faceted body that has the expected field, if it is one.
+    seen_through: (K, H, W) bool, candidates that are seen through the faces of the solid.
+    unreached: (H, W, 3), normals of dark pixels, NaN elsewhere.
+    history: the iterations so far.
     """
 
     view: CandidateView
@@ -78,14 +89,14 @@ class Alternation:
         self.smooth = self.initial = self.solve_field(self.known, self.values)
 
     def take_marks(self, marks: Marks | None) -> None:
-        """Let marks speak from now on; the present labels tell what they confirm."""
+        """Apply these marks from now on, instead of earlier ones; each confirms or contradicts its node's label."""
         self.unmarked_labels = self.labels
         self.marks = mark_constraints(marks, self.view.normals, self.view.mask, self.labels)
         self.influence = mark_influence(*self.view.sheets, self.marks.labels, self.view.inradius, self.labels)
 
     @property
     def evidence(self) -> np.ndarray:
-        """Log-likelihood ratio (K, H, W) of a true against a false highlight, by all that speaks for the sheet."""
+        """Log-likelihood ratio (K, H, W) of a true against a false highlight, by all evidence but the field, nats."""
         return self.own_evidence + self.face_evidence + MARKED_SHEET_NATS * self.influence
 
     @property
@@ -100,9 +111,10 @@ class Alternation:
         surface: SmoothNormalField | None = None,
         faces: FlatFaces | None = None,
     ) -> np.ndarray:
-        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W), contour or expectation, and faces.
+        """Solve the field (H, W, 3) from its data, see `constraints`, and from dark pixels and flat faces.
 
-        surface: None for that of the view.
+        known: (H, W) bool, pixels with data; values: (H, W, 3), their normals; surface: the interpolant, None for that
+        of the view.
         """
         targets, pull = self.constraints(known, values)
         if self.unreached is not None:
@@ -112,15 +124,18 @@ class Alternation:
         return (surface or self.view.surface).solve(targets, pull, self.expected)
 
     def constraints(self, known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the field's targets (H, W, 3) and weights (H, W): of `values` at `known` pixels, and contour."""
+        """Return the field's targets (H, W, 3) and weights (H, W): `values` at `known` pixels, elsewhere the contour.
+
+        An expected field takes the place of the contour.
+        """
         weights = self.options.field
         if self.expected is None:
             targets, pull = self.view.outward, np.where(self.view.rim, weights.rim, 0.0)
         else:
             targets, pull = self.expected, np.full(self.view.mask.shape, weights.expected)
-        # A mark says which sheet is true, not how exact it is: only what was rejected before must bend the field.
-        is_turned = self.labels & ~self.unmarked_labels
-        influence = np.where(is_turned, self.influence, 0.0).max(axis=0, initial=0.0)
+        # A mark says which sheet is true, not how exact it is: only what was rejected before it must bend the field.
+        is_newly_exterior = self.labels & ~self.unmarked_labels
+        influence = np.where(is_newly_exterior, self.influence, 0.0).max(axis=0, initial=0.0)
         pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
         pull = np.where(self.marks.pixels & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
         return np.where(known[..., None], values, targets), pull

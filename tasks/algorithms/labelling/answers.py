@@ -31,10 +31,10 @@ def mark_influence(
         pins: (K, H, W) int8, labels of marked nodes: 1 exterior, -1 false, 0 free.
         inradius: of the mask, in pixels.
         labels: (K, H, W) bool, exterior nodes without the marks. A mark that confirms its node's label says nothing of
-            nodes with the other: a sheet that continues it under another label crosses it, or is known better. None:
-            no mark confirms.
+            nodes with the other: a sheet that continues it under another label crosses it, or is known better. If
+            None, no mark confirms.
 
-    The nearer of two marks wins, as far along the sheet as it is near.
+    Influence falls with the distance along the sheet; of a true and a false mark, the nearer one counts.
     """
     result = np.zeros(nodes.shape)
     if not pins.any():

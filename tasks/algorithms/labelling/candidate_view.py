@@ -34,14 +34,22 @@ DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
 class CandidateView:
     """What the labelling of a view never changes.
 
-    normals (K, H, W, 3) float32: candidates, relative to the view rays, NaN outside the mask and without cluster.
-    weights (K, H, W): of the clusters. observations (H, W): frames in which a pixel is lit. mask (H, W) bool. camera:
-    (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays. is_draft: whether the field
-    is that of a draft. inradius: of the mask, in pixels. thickness (H, W): of the object, in pixels. evidence (K, H,
-    W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading, nats. surface:
-    interpolant of the field; coarse: that which predicts what is held out. rim (H, W) bool, outward (H, W, 3): pixels
-    of the occluding contour and their normals. graph: of the nodes, to be cut. sheets: numbers of the nodes and their
-    ties, see `sheet_graph`. symmetry, prism, facets: searches for bodies, which keep what they compute.
+    normals: (K, H, W, 3) float32, candidates, relative to the view rays, NaN outside the mask and without cluster.
+    weights: (K, H, W), of the clusters.
+    observations: (H, W), number of frames in which a pixel is lit.
+    mask: (H, W) bool.
+    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
+    is_draft: whether the field is that of a draft.
+    inradius: of the mask, in pixels.
+    thickness: (H, W), of the object, in pixels.
+    evidence: (K, H, W), log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading,
+        nats.
+    surface, coarse: interpolants of the field, and of the predictions of what is held out.
+    rim: (H, W) bool, pixels of the occluding contour.
+    outward: (H, W, 3), their normals, NaN elsewhere.
+    graph: of the nodes, to be cut.
+    sheets: numbers of the nodes and their ties, see `sheet_graph`.
+    symmetry, prism, facets: searches for bodies, which keep what they compute.
     """
 
     normals: np.ndarray
@@ -73,7 +81,7 @@ class CandidateView:
         camera: np.ndarray | None = None,
         is_draft: bool = False,
     ) -> "CandidateView":
-        """Prepare the labelling of a view; for the arguments see `reconstruct_normals`, is_draft: whether to save time.
+        """Prepare the labelling of a view; for the arguments see `reconstruct_normals`, for is_draft `settle`.
 
         Raises:
             ValueError: clusters and mask differ in size.

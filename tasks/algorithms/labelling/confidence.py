@@ -27,16 +27,17 @@ SHEET_LOGIT = (3.85, -0.45, -0.6, 0.6, -1.05)
 Fitted to 87 simulated captures of 500 to 1,200 frames of all shapes, beside `accepted_log_odds` and `place_confidence`.
 """
 MAX_ACCEPTED_ODDS = 10.0
-"""Accepted pixels to one that shows false candidates alone, from which on more prove nothing: captures of the fit have
-6.7 at most."""
+"""Bound of the ratio of accepted pixels to those whose candidates were all rejected: a higher one proves no more; it is
+6.7 at most on the captures of the fit."""
 OWN_ERROR_DEG = 1.0
-"""Standard deviation per axis of the own error of confident normals: the median over 77 simulated captures is 0.95."""
-PLACE_SD_PX = 0.14
-"""Standard deviation per axis, in pixels, of the place that an accepted normal is of, about the middle of its pixel:
-fitted to what share of confident normals is wrong, by the turn of the surface, on 45 simulated captures."""
-FACE_CONFIDENCE, MAX_FACE_RESIDUAL = 0.99, 4.0
-"""Confidence in a flat face whose creases agree with all its neighbours, and the residual that scales its decrease: at
-a residual of 1 it is 0.96."""
+"""Standard deviation per axis of the error that a confident normal has by itself: the median over 77 simulated captures
+is 0.95."""
+PLACE_SCALE_PX = 0.14
+"""Scale, in pixels, of the t distribution of the place that showed an accepted normal, about the middle of its pixel:
+fitted to the share of confident normals that is wrong, by the turn of the surface, on 45 simulated captures."""
+FACE_CONFIDENCE, FACE_RESIDUAL_SCALE = 0.99, 4.0
+"""Confidence in a flat face whose creases agree with all its neighbours, and the standard deviation of the Gaussian by
+which it falls with their residual: at a residual of 1 it is 0.96."""
 SOLID_ANGLES_DEG, RIGHT_SHARES = (5.0, 7.0, 10.0), (1.0, 0.86, 0.81)
 """Angles between a solid of flat faces and confident normals, and the share of these that is right on 28 simulated
 captures; smaller angles are as often those of a solid that is a little off."""
@@ -47,7 +48,7 @@ DEFAULT_SLOPE_DEG = 150.0
 COVER_INRADII, MIN_COVER_PX = 0.08, 2.0
 """Standard deviation of the window over which known pixels are counted, in inradii, and at least, in pixels."""
 FULL_COVER_RATIO = 1.3
-"""Factor by which a pixel counts as surrounded before all of its window is known."""
+"""Factor of the cover, so that a pixel counts as surrounded before all of its window is known."""
 BLOCK_INRADII = 0.25
 """Side of the held-out blocks, in inradii."""
 MIN_DISTANCE_PX = 2.0
@@ -114,12 +115,12 @@ def sheet_confidence(
 
 
 def accepted_log_odds(accepted: np.ndarray, has_candidate: np.ndarray) -> float:
-    """Return the log odds that an accepted normal is right by how much of what the object shows is accepted, nats.
+    """Return the log odds that an accepted normal is right, by how much of what the object shows is accepted, nats.
 
     By chance, a share of all false candidates agrees with the field and is accepted. Pixels whose candidates were all
-    rejected show how many false ones there are; so the odds of right against wrong among the accepted are, but for that
-    share, those of accepted pixels against rejected ones (the false discovery rate by decoys of Elias and Gygi 2007:
-    what is known to be false tells how much false is accepted).
+    rejected show how many false ones there are; so the odds of right against wrong among the accepted are, up to a
+    factor, the ratio of accepted to rejected pixels (the target-decoy estimate of the false discovery rate, Elias and
+    Gygi 2007: what is known to be false tells how much of what is accepted is false).
 
     accepted, has_candidate: (H, W) bool, pixels with an accepted normal, and with any candidate.
     """
@@ -130,10 +131,10 @@ def accepted_log_odds(accepted: np.ndarray, has_candidate: np.ndarray) -> float:
 def place_confidence(normals: np.ndarray) -> np.ndarray:
     """Return the probability (H, W) that the normal in the middle of a pixel is within 5 degrees of the one observed.
 
-    A candidate is of the place that flashed, somewhere in or beside the pixel, and between there and the middle the
-    surface turns. Places are distributed with heavy tails, by Student's t with two degrees of freedom: of confident
-    normals of simulated captures 0.2% are wrong where the surface turns by less than 2 degrees per pixel, 4% at 7
-    degrees, and 13% at 15.
+    A candidate is the normal of the place that flashed, somewhere in or beside the pixel, and between there and the
+    middle the surface turns. Places are distributed with heavy tails, by Student's t with two degrees of freedom: of
+    confident normals of simulated captures 0.2% are wrong where the surface turns by less than 2 degrees per pixel, 4%
+    at 7 degrees, and 13% at 15.
 
     normals: (H, W, 3) unit, camera frame, NaN outside the object, towards which nothing is taken to turn.
     """
@@ -143,14 +144,14 @@ def place_confidence(normals: np.ndarray) -> np.ndarray:
     # The turn's mean square over all directions is half of its sum along rows and columns.
     square = (np.radians(np.nan_to_num(turn)) ** 2).sum(axis=0) / 2.0
     # Of a t distribution in the plane with n degrees of freedom, (1 + r^2 / (n s^2))^(-n/2) lies beyond r.
-    beyond = 1.0 / (1.0 + TOLERANCE_RAD**2 / np.maximum(2.0 * PLACE_SD_PX**2 * square, 1e-12))
+    beyond = 1.0 / (1.0 + TOLERANCE_RAD**2 / np.maximum(2.0 * PLACE_SCALE_PX**2 * square, 1e-12))
     return np.asarray(1.0 - beyond)
 
 
 def solid_confidence(normals: np.ndarray, solid: np.ndarray) -> np.ndarray:
-    """Return the probability (H, W) that accepted normals are right beside a solid of flat faces, both (H, W, 3).
+    """Return the probability (H, W) that accepted normals are right by their angle to those of a solid, all (H, W, 3).
 
-    What is seen through the faces of a solid is smooth as well, and agrees with the field that it draws to itself.
+    What is seen through the flat faces of a solid is smooth too, and agrees with the field that it pulls to itself.
     """
     return np.asarray(np.interp(angles(normals, solid), SOLID_ANGLES_DEG, RIGHT_SHARES))
 
@@ -160,7 +161,7 @@ def face_confidence(residual: np.ndarray) -> np.ndarray:
 
     NaN without them: paths that cross the glass along a single crease give false faces that agree with it exactly.
     """
-    return np.asarray(FACE_CONFIDENCE * np.exp(-np.square(residual) / (2.0 * MAX_FACE_RESIDUAL**2)))
+    return np.asarray(FACE_CONFIDENCE * np.exp(-np.square(residual) / (2.0 * FACE_RESIDUAL_SCALE**2)))
 
 
 def _logistic(weights: tuple[float, ...], *cues: np.ndarray, offset: float = 0.0) -> np.ndarray:

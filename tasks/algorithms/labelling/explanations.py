@@ -1,6 +1,7 @@
 """Explanations of settled labels: a surface of revolution, a solid of flat faces, single faces; sheets readmitted.
 
 Each explanation that is adopted changes the expected field or the evidence, and the alternation goes on from there.
+The functions `_with_..` change the state that they are given; only the one that they return is to be used afterwards.
 """
 
 from copy import copy
@@ -16,7 +17,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
-from glint.tasks.algorithms.labelling.results import CONFIDENT, accepted_weights, blended_normals
+from glint.tasks.algorithms.labelling.results import CONFIDENT, blended_normals, exterior_values
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 
 MIN_KNOWN_SHARE = 0.05
@@ -24,22 +25,22 @@ MIN_KNOWN_SHARE = 0.05
 MAX_READMISSIONS = 3
 """Rounds in which rejected sheets are readmitted: each may show the field of the next."""
 MIN_SOLID_NATS, CONTRADICTED_NATS = 10.0, 50.0
-"""Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if all accepted normals
-of a full mask contradict it; what is seen through its faces does."""
+"""Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if accepted normals all
+over the mask contradict it, as those of what is seen through its faces do."""
 MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 6.0, 40.0
-"""Mean angle between accepted normals and a surface of revolution without its relief from which facets may be what that
-explains, and evidence for a faceted body from which they are."""
+"""Mean angle between accepted normals and a surface of revolution without its relief from which that relief may in fact
+be facets, and evidence for a faceted body from which it is."""
 CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a solid, and up to which a surface explains a candidate."""
 MIN_EXPLAINED_RATIO = 0.65
-"""Pixels with a candidate that a solid explains, relative to the field's: of solids 0.73 or more, of domes 0.59."""
+"""Pixels with a candidate that a solid explains, relative to the field's: 0.73 or more on solids, 0.59 on domes."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
-"""Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
+"""Share of a solid's face that confident normals may contradict, and share of the mask from which a face is checked."""
 MIN_SEEN_SHARE, MAX_SEEN_THROUGH, ROUNDED_INRADII = 0.05, 0.5, 0.1
-"""Share of a face of a solid that accepted normals must show, and share of these that may contradict it, so that the
-others are what is seen through it; distance from its edges, which are rounded, in inradii of the mask."""
+"""Share of a solid's face that accepted normals must cover, and share of these that may contradict it, for all else on
+it to count as seen through; distance from its edges, which are rounded, in inradii of the mask."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_NATS = 10.0
@@ -47,12 +48,9 @@ REFUTED_NATS = 10.0
 
 
 def explain(settled: Alternation) -> Alternation:
-    """Explain labels that have settled by a surface that they show, and readmit plausible sheets.
-
-    Normals that were expected beforehand explain them already.
-    """
+    """Explain labels that have settled by a surface that they show, and readmit plausible sheets."""
     if settled.is_given:
-        return settled
+        return settled  # The expected normals explain the labels already.
     state = explained = _with_surface(copy(settled))
     for _ in range(MAX_READMISSIONS if state.options.readmission else 0):
         better = _readmitted(state)
@@ -76,7 +74,7 @@ def _with_surface(state: Alternation) -> Alternation:
         state = _with_faces(state)
     if state.expected is None and state.options.symmetry and state.faces is None and not state.face_evidence.any():
         state = _with_unproven_symmetry(state)
-    if state.relief_fit > 0.0 and _adopts_symmetry(state):
+    if state.relief_fit > 0.0 and _adopt_symmetry(state):
         # Highlights that a relief explains show more of it.
         state.iterate()
     return state
@@ -89,7 +87,7 @@ def _with_faces(state: Alternation) -> Alternation:
         state.face_evidence = face_evidence(view.normals, view.mask, view.inradius, view.camera)
         if state.face_evidence.any():
             state.iterate()
-    if _adopts_faces(state):
+    if _adopt_faces(state):
         state.iterate()
     solid = _first_unrefuted(solids, state)
     return state if solid is None else _with_solid(start, solid)
@@ -108,9 +106,9 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
         supposed = copy(state)
         supposed.expect(normals, None)
         supposed.iterate()
-        if _adopts_symmetry(supposed):
+        if _adopt_symmetry(supposed):
             return supposed
-    return state if _adopts_symmetry(state) else None
+    return state if _adopt_symmetry(state) else None
 
 
 def _with_unproven_symmetry(state: Alternation) -> Alternation:
@@ -122,18 +120,18 @@ def _with_unproven_symmetry(state: Alternation) -> Alternation:
     if normals is not None:
         state.expect(normals, None)
         state.iterate()
-        if _adopts_symmetry(state):
+        if _adopt_symmetry(state):
             state.iterate()
     return state
 
 
-def _adopts_symmetry(state: Alternation) -> bool:
+def _adopt_symmetry(state: Alternation) -> bool:
     """Make a surface of revolution the expected field if accepted normals support it; return whether they do."""
     view, accepted = state.view, state.known_values
     rotational = view.symmetry.normals(accepted, view.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
-    lights = accepted_weights(view.weights, state.labels)
+    lights = exterior_values(view.weights, state.labels)
     if has_other_faces(rotational.normals, accepted, lights, view.mask, view.inradius):
         return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
     if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
@@ -174,7 +172,7 @@ def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
 
 
 def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
-    """Return the first solid of which confident normals do not contradict much of one face, as if it had another end.
+    """Return the first solid none of whose faces confident normals largely contradict, as they do if an end is wrong.
 
     state: explained by flat faces, if there are any.
     """
@@ -208,7 +206,7 @@ def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
 
 
 def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
-    """Return the candidates (K, H, W) bool that are not of a face of which most accepted normals are: it is flat."""
+    """Return the candidates (K, H, W) bool that contradict a face which most accepted normals on it confirm as flat."""
     view, contradicted = state.view, angles(state.values, solid.normals) > CONTRADICTED_DEG
     is_flat = np.zeros(view.mask.shape, bool)
     for pixels in solid.faces_in(view.mask):
@@ -219,11 +217,11 @@ def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
     return is_flat & (angles(view.normals, solid.normals[None]) > CONTRADICTED_DEG)
 
 
-def _adopts_faces(state: Alternation) -> bool:
+def _adopt_faces(state: Alternation) -> bool:
     """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
     view = state.view
     for number in range(MAX_REFUTATIONS):
-        lights = accepted_weights(view.weights, state.labels)
+        lights = exterior_values(view.weights, state.labels)
         state.faces = flat_faces(state.known_values, lights, view.normals, state.smooth, view.mask, view.inradius)
         if state.faces is not None or number > 0:
             state.smooth = state.solve_field(state.known, state.values, faces=state.faces)

@@ -21,6 +21,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     sheet_confidence,
     solid_confidence,
 )
+from glint.tasks.algorithms.labelling.results import exterior_values
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
 SHEET_WINDOW_INRADII = 0.1
@@ -30,14 +31,14 @@ MIN_HELD_OUT_SHARE = 0.004
 SMALL_SHEET_RESIDUAL = 2.0
 """Residual given to smaller sheets, and to those that nothing else predicts: as large as that of most false sheets."""
 MAX_RESIDUAL_DEG = 20.0
-"""Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
+"""Limit to which angles to the prediction are clipped: beyond it, a sheet is no less likely to be true."""
 
 
 def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
     view, sheets = state.view, segment_sheets(state.values)
     window = max(SHEET_WINDOW_INRADII * view.inradius, 1.0)
-    evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
+    evidence = exterior_values(state.evidence, state.labels)
 
     # Without a ceiling, a sheet far from all else is not blamed for a poor prediction.
     error = replace(state.options.field_error, ceiling=np.inf)

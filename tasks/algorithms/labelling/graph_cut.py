@@ -28,7 +28,7 @@ def unary_log_ratio(normals: np.ndarray, field: np.ndarray, spread: np.ndarray, 
 
     Args:
         normals: (K, H, W, 3) unit, NaN without cluster.
-        field: (H, W, 3) unit, the expected normals.
+        field: (H, W, 3) unit, the smooth normal field.
         spread: (H, W) standard deviation of the field in radians.
         prior: share of the nodes that are exterior.
 

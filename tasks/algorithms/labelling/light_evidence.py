@@ -1,4 +1,4 @@
-"""Evidence of candidate normals on the lights that they were made with: other axes, turned, out of step, half vectors.
+"""Tests of known lights by the candidate normals that they give: other axes, a turn, shifted frames, half vectors.
 
 Candidates made with right lights hold a sheet that integrates (Frankot and Chellappa 1988) and bends away from the
 view towards the silhouette, as the field from the occluding contour does. Lights with another convention of axes mirror
@@ -40,8 +40,8 @@ rendered captures with right lights it is 0.2 to 0.85 (`python -m tests.benchmar
 MIN_OPPOSITE_RATIO = 1.6
 """The same for both axes negated: highlights of a rear wall, as concave as the front is convex, reach 1.2."""
 MAX_HALVED_SLANT_DEG, SLANT_QUANTILE = 24.0, 0.99
-"""Slant in degrees that the candidates' quantile exceeds, unless the lights are half vectors, or none of them was more
-than 45 degrees from the view axis."""
+"""Slant in degrees which this quantile of the candidates' slants exceeds, unless the lights are half vectors, or none
+was more than 45 degrees from the view axis."""
 MIN_HALF_RATIO = 1.7
 """Score of the lights as half vectors, relative to that as given, from which they are half vectors. 316 simulated
 captures have 0.1 to 1.6 with right lights up to 45 degrees from the view axis; with half vectors, 68% of them have 1.5
@@ -56,10 +56,12 @@ TURN_BLOCKS = 6
 class LightEvidence:
     """Evidence of the candidates on the lights.
 
-    axes: of AXES, what fits best; axes_ratio: its score relative to that of the given axes; turn_deg, turn_error_deg:
-    turn of the accepted normals about the view vector and its standard error; log_ratio: mean log-likelihood ratio, in
-    nats, of the best sheet of each pixel being exterior against being none; NaN: there are no candidates. half_ratio:
-    score of the given lights as half vectors, relative to that as lights; 0: they cannot be half vectors.
+    axes: name of the change of axes, of AXES without AS_GIVEN, that fits best.
+    axes_ratio: its score, relative to that of the given axes.
+    turn_deg, turn_error_deg: turn of the accepted normals about the view vector, and its standard error.
+    log_ratio: mean over the pixels of the highest log-likelihood ratio of a candidate, exterior against false, by the
+        shape of its sheet, nats; NaN without candidates.
+    half_ratio: score of the given lights as half vectors, relative to that as lights; 0: they cannot be half vectors.
     """
 
     axes: str

@@ -1,9 +1,9 @@
 """Rejected sheets that may well be the surface: readmitted, so that the field can show what follows from them.
 
-The alternation settles where labels and field confirm each other, which need not be the best labels there are: of a
-limb that hangs before the body the silhouette says nothing, and once its sheet is rejected, the field never comes to
-know of it. How far the field can be trusted at a place is known, however, and so is what speaks for the sheet itself.
-Both give the probability that the sheet is the surface. The paper has no such step; see `reconstruction`.
+The alternation settles where labels and field confirm each other, which need not be the best labels: the silhouette
+says nothing of a limb in front of the body, and once its sheet is rejected, the field never follows it. But how far the
+field can be trusted at a place is known, and so is the sheet's own evidence; together they give the probability that
+the sheet is the surface. The paper has no such step; see `reconstruction`.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,9 @@ from glint.tasks.algorithms.sheets.patches import Patches, cut_patches
 READMITTED_PROBABILITY = 0.2
 """Probability of being the surface from which a rejected sheet is readmitted: a false one mostly is rejected again."""
 LIT_SHARE_POWER = -1.5
-"""Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
-light crosses the glass along many paths, most highlights are false (fitted to presets, as the next two)."""
+"""Power, in the odds that a rejected candidate is the surface, of the number of frames in which its pixel is lit,
+relative to the median: where light crosses the glass along many paths, most highlights are false (fitted to presets, as
+the next two)."""
 SLANT_NATS_PER_DEG = 0.1
 """Rise of the log-odds with the candidate's slant: the field is right where the surface faces the camera."""
 REJECTED_NATS = -4.0
@@ -60,8 +61,8 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
     confidence = np.where(np.isfinite(state.confidence), state.confidence, state.field_confidence(state.known))
     candidates = LabelledCandidates(view.normals, state.labels, state.evidence, view.observations)
     probability = surface_probability(patches, candidates, normals, confidence)
-    turn = np.radians(patches.mean(patches.turns(view.normals, normals)))
-    probability[patches.exterior(state.labels) | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
+    angle = np.radians(patches.mean(patches.angles_to(view.normals, normals)))
+    probability[patches.exterior(state.labels) | (angle < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
     result[patches.layer, patches.row, patches.column] = probability[patches.number]
     result[state.readmitted > 0.0] = 0.0
     return np.where(keep_best_per_pixel(result > 0.0, result), result, 0.0)
@@ -84,7 +85,7 @@ def surface_probability(
     """
     confidence = np.clip(confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
     # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
-    angle = np.radians(patches.turns(candidates.normals, normals))
+    angle = np.radians(patches.angles_to(candidates.normals, normals))
     likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
     likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
     ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))

@@ -102,10 +102,10 @@ def settle(
 
 
 def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstruction:
-    """Let marks speak, and return the result.
+    """Apply marks, and return the result.
 
-    Labels settle and are explained without marks first: started with them, a single mark may tip sheets that it has no
-    part in, and the surface that explains the rest.
+    Marks come last, once the labels have settled and are explained: from the start, a single mark could tip sheets that
+    it does not lie on, and the surface that explains the rest.
 
     Args:
         explained: result of `explain`. If it is a draft, so is the result: confidence is that of the accepted normals
@@ -115,9 +115,9 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
     state = copy(explained)
     if marks is not None:
         state.take_marks(marks)
-        is_news = contradictions(state.marks.labels, state.labels).any()
+        is_contradicted = contradictions(state.marks.labels, state.labels).any()
         state.iterate()
-        if is_news:
+        if is_contradicted:
             state = explain(state)
     pixels = _lit_pixels(state) if state.expected is None else None
     if pixels is not None:
@@ -151,7 +151,7 @@ def _lit_pixels(state: Alternation) -> LitPixels | None:
     view, swept = state.view, SweptNormals.of(state.view.normals)
     if swept is None:
         return None
-    # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
+    # An accepted normal that is too uncertain for the field counts as little as an implausible rejected one.
     evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
     return LitPixels(state.known | (evidence > PLAUSIBLE_NATS), view.mask, view.inradius, swept)
 

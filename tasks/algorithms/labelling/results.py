@@ -64,9 +64,9 @@ def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray
     return np.where(np.isnan(chosen), marked, chosen)
 
 
-def accepted_weights(weights: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Return the weights (H, W) of the accepted clusters, of weights and labels (K, H, W); any where none is."""
-    return np.take_along_axis(weights, labels.argmax(axis=0)[None], axis=0)[0]
+def exterior_values(values: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the value (H, W) of each pixel's exterior node, of values and labels (K, H, W); arbitrary without one."""
+    return np.take_along_axis(values, labels.argmax(axis=0)[None], axis=0)[0]
 
 
 def blended_normals(accepted: np.ndarray, field: np.ndarray) -> np.ndarray:

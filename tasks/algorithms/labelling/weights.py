@@ -82,7 +82,7 @@ class LabellingOptions:
     expected field; flat_faces: whether a right prism, a faceted body or flat faces may be, where there is none;
     readmission: whether rejected sheets may be readmitted. inner_contours: whether the field may be cut along contours
     inside the silhouette. min_confidence: accepted normals of lower confidence do not enter the field. max_iterations:
-    at most so many each time: at first, and again after all that is detected or marked.
+    limit each time that labels settle: at first, and again after whatever is detected, readmitted or marked.
     """
 
     graph_cut: GraphCutWeights = GraphCutWeights()

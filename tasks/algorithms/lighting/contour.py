@@ -35,8 +35,9 @@ VARIATION_REACH_RATIO = 0.04
 MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
 """Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
 AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
-"""Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
-if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
+"""Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels; the same
+where it is the clearer one, and the ratio of contrasts from which it is. What varies may also end where an object or
+its caustics are mirrored."""
 OUTER_WEIGHT, END_OUTER_WEIGHT, END_OUTER_GAP_PX = 0.25, 0.5, 2.0
 """Weight of the evidence outside an edge, at OUTER_GAP_PX, that counts against it; the same, and its distance, where
 the outer end of all edges is sought."""

@@ -18,8 +18,8 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 BACKGROUND_RADIUS_RATIO = 0.75
 """Radius, as a share of the sphere's, within which the light's highlight and noise are measured."""
 BACKGROUND_PERCENTILE, MIN_FRAMES_FOR_PERCENTILE = 30.0, 6
-"""Percentile of a pixel's levels that is its background, below the median since a hand-held light lingers, and frames
-from which on it is used; fewer give their minimum."""
+"""Percentile of a pixel's levels that is its background, below the median since a hand-held light lingers, and the
+least number of frames for it; of fewer, the minimum is taken."""
 MIN_HEADROOM_RATIO = 0.15
 """Share of the saturation level by which the background must stay below it, or the pixel counts as occluded."""
 CONTOUR_TOLERANCE = 1.05

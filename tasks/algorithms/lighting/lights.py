@@ -21,7 +21,7 @@ from glint.tasks.algorithms.lighting.highlights import (
     static_background,
     without_blur,
 )
-from glint.tasks.algorithms.lighting.spheres import Sphere, precision_weights
+from glint.tasks.algorithms.lighting.spheres import MIN_OBSERVABLE_NZ, Sphere, precision_weights
 
 REASONS = (
     "accepted",
@@ -38,8 +38,6 @@ ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE, COVERED, BEFO
 
 BLOCK_FRAMES, BACKGROUND_FRAMES = 1024, 200
 """Frames measured at once, and frames from which the static background is estimated."""
-MIN_HALF_VECTOR_NZ = float(np.cos(np.radians(45.0)))
-"""n_z of the sphere's normal below which the light is more than 90 degrees from the view vector."""
 MIN_ON_SPHERE_NZ = 0.2
 """n_z below which a highlight lies so near the contour that it is none of the sphere's."""
 MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO = 12.0, 8.0
@@ -126,7 +124,7 @@ def classify_frames(
     half = half_vectors_of(direction.astype(np.float64))
     spread = np.concatenate([block.spread[:, 0] for block in highlights])
     half[:, 0] = without_blur(half[:, 0], area[:, 0], spread, sphere.radius)
-    front = (half[..., 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
+    front = (half[..., 2] >= MIN_OBSERVABLE_NZ) & (area > 0)
     usual = float(np.median(area[:, 0][front[:, 0]])) if front[:, 0].any() else 0.0
     # Lights before the object lie within r sin 45 of the sphere's centre.
     front_disc_area = 0.5 * np.pi * sphere.radius**2

@@ -26,7 +26,7 @@ from glint.tasks.algorithms.lighting.pyramid import (
     pyramid,
     pyramid_level,
 )
-from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, is_chrome
+from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, reason_against_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
 
 MAX_SPHERES = 8
@@ -53,11 +53,11 @@ contour then, although its score is lower."""
 MIN_OUTER_RATIO, MAX_INNER_REACH = 0.33, 0.97
 MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
 """Least score of that contour, relative to the inner circle's, and how far the inner circle may reach, in radii of the
-contour: if it lies well inside, and if both touch. The edge of the shadow may touch the contour, too, but from outside;
-its score is far below."""
+contour: where it lies well inside, and where both touch. The edge of a shadow may touch the contour too, but from
+outside; its score is far lower."""
 MAX_HIDDEN_RATIO = 0.5
-"""Radius relative to that of a circle which is no chrome sphere up to which circles in it are examined nevertheless:
-such a circle may go round a sphere and the glass beside it, but what is larger may be a part of that glass."""
+"""Largest radius of circles that are still examined inside a circle that is no chrome sphere, relative to its own: such
+a circle may go round a sphere and the glass beside it, but larger ones may be a part of that glass."""
 MAX_REFINED = 12
 """Best candidates that are measured at full resolution."""
 MIN_SPHERE_RADIUS_PX = 20.0
@@ -197,7 +197,7 @@ def _chrome_spheres(
     while circles:
         refused = []
         for circle in outermost(circles):
-            reason = is_chrome(frames, circle, camera)
+            reason = reason_against_chrome(frames, circle, camera)
             if reason is None:
                 accepted.append(circle)
             else:

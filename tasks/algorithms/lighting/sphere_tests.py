@@ -14,13 +14,12 @@ from glint.tasks.algorithms.geometry.perspective import camera_in_crop
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from glint.tasks.algorithms.lighting.highlights import Highlights, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
-    MIN_HALF_VECTOR_NZ,
     TWO_LIGHTS,
     Lights,
     classify_frames,
     find_lights,
 )
-from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
+from glint.tasks.algorithms.lighting.spheres import MIN_OBSERVABLE_NZ, Sphere, crop_around
 
 MIN_ACCEPTED_SHARE = 0.5
 """Share of the frames that must show one highlight: an arm may hide it for a while, and windows may cover it."""
@@ -48,7 +47,7 @@ HIGHLIGHT_REACH_DEG = 25.0
 SHADED_RATIOS = 0.3, 0.9
 """Radii, in radii of the sphere, between which its body is tested for shading."""
 MAX_SHADING_CORRELATION = 0.85
-"""Correlation of a body's levels with Lambert's law from which it is shaded: a glossy sphere has .91, chrome .79."""
+"""Correlation of a body's levels with Lambert's law from which it is shaded: a glossy sphere has 0.91, chrome 0.79."""
 MAX_CONTRADICTION_DEG = 6.0
 """Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
 CROP_MARGIN_PX = 4
@@ -61,7 +60,7 @@ PEAK_PERCENTILE, FULL_PEAK_LEVELS = 98.0, 100.0
 LIT_PEAK_SHARE = 0.35
 """Share of the peak above which a pixel of the ring is lit."""
 LIT_RING_OFFSET, LIT_RING_SLOPE = 1.8, 2.5
-"""The evidence falls linearly from 1 where 32% of the ring are lit to 0 at 72%."""
+"""The evidence falls linearly from 1 where 32% of the ring is lit to 0 at 72%: offset, and slope by the lit share."""
 
 
 def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
@@ -86,7 +85,7 @@ def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) 
     return contrast * darkness * min(peak / FULL_PEAK_LEVELS, 1.0)
 
 
-def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> str | None:
+def reason_against_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> str | None:
     """Return why a circle is no chrome sphere; None if nothing speaks against it.
 
     Args:
@@ -128,7 +127,7 @@ def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[np.nda
     """
     area = highlights.area
     half_vectors = half_vectors_of(highlights.directions.astype(float))
-    shown = (half_vectors[:, 0, 2] >= MIN_HALF_VECTOR_NZ) & (area[:, 0] > 0)
+    shown = (half_vectors[:, 0, 2] >= MIN_OBSERVABLE_NZ) & (area[:, 0] > 0)
     whole = shown & (highlights.occluded_fraction[:, 0] <= MAX_OCCLUDED_SHARE)
     divided = lights.reason == TWO_LIGHTS
     if not whole.any():

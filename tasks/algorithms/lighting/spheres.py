@@ -14,14 +14,15 @@ from glint.tasks.algorithms.lighting.contour_refinement import refine_contour
 from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
 
 FINE_RADIUS_PX = 300.0
-"""Radius in pixels to which the image of a larger sphere is reduced: its contour is rough or out of focus by more."""
+"""Radius in pixels to which the image of a larger sphere is reduced: beyond it, a contour is blurred or rough by more
+than a pixel."""
 MIN_CLEAR_CONTRAST = 0.12
 """Contrast of a contour from which it is trusted more than a circle that was given."""
 MIN_CORRECTION_RATIO, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS = 0.012, 0.75, 2.0
 """Difference from a given circle, in radii, in pixels and in standard deviations, from which the fit replaces it: the
 rim of a small sphere is sampled too coarsely to contradict less."""
 MIN_OBSERVABLE_NZ = float(np.cos(np.radians(45.0)))
-"""n_z of the steepest half vector of a light before the object."""
+"""n_z of the half vector of a light at a right angle to the view vector; farther ones are behind the object."""
 LEAST_HALF_VECTOR_SD = 0.01
 """Standard deviation per axis, radians, below which a sphere's half vectors have no more weight beside another's."""
 CROP_MARGIN_RATIO = 0.35

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 SEARCH_SHARE, MIN_SEARCH_PX = 0.04, 6
-"""Distance from the contour in which a stronger edge is looked for: share of the edge of a square of the object's
-area, and in pixels."""
+"""Distance from the contour in which a stronger edge is looked for: share of the square root of the object's area, and
+at least, in pixels."""
 MIN_OFFSET_PX = 2
 """Distance of a stronger edge that is reported: nearer ones are within the blur of the contour."""
 INWARD_RATIO, OUTWARD_RATIO = 1.5, 1.05
@@ -69,10 +69,10 @@ class ContourEvidence:
 
     @classmethod
     def of(
-        cls, contour: np.ndarray, distance: np.ndarray, images: Sequence[np.ndarray], free: np.ndarray, edge: float
+        cls, contour: np.ndarray, distance: np.ndarray, images: Sequence[np.ndarray], free: np.ndarray, root_area: float
     ) -> "ContourEvidence":
-        """Return the evidence, with the reach for a mask whose area is that of a square with this edge in pixels."""
-        return cls(contour, distance, images, free, max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge)))
+        """Return the evidence, with the reach for a mask whose area has this square root, pixels."""
+        return cls(contour, distance, images, free, max(MIN_SEARCH_PX, round(SEARCH_SHARE * root_area)))
 
 
 def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement | None:

@@ -21,20 +21,21 @@ from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distan
 from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
-"""A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
+"""Levels by which a highlight stands out of its surroundings, and the quantile of what the table's pixels do that it
+must exceed by a factor."""
 TABLE_QUARTILES = 6.0
 """Bound of that quantile where the mask lacks a part of the object, in distances of the table's third quartile from its
 median: half of it may be glass."""
 SUPPORT_SHARE, MIN_SUPPORT_PX = 0.025, 2.0
-"""Distance from the contour within which a highlight supports it: share of the edge of a square of the object's area,
-and at least, in pixels."""
+"""Distance from the contour within which a highlight supports it: share of the square root of the object's area, and
+at least, in pixels."""
 MAX_WITHOUT_HIGHLIGHT = 0.07
 """Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks
 of solid objects have at most 0.05."""
 MAX_CUT_SHARE = 0.01
 """Share of the contour that may lie along an edge of the picture."""
 NECK_SHARE, MIN_PART_RATIO = 0.06, 0.1
-"""Half the width of a neck, as a share of the edge of a square of the object's area, and area of the part beyond it,
+"""Half the width of a neck, as a share of the square root of the object's area, and area of the part beyond it,
 relative to the object's."""
 RAGGED_RATIO = 1.25
 """Length of a contour relative to its smoothed self from which it is ragged."""
@@ -48,8 +49,8 @@ OVERALL_SHARE = 0.1
 """Doubt that a contour casts on the whole object where it is not known how far off it is, relative to the doubt at the
 contour."""
 TABLE_SHARES, MAX_TABLE_SHARE = (0.08, 0.03, 0.0), 0.5
-"""Distances from the mask between which pixels show the table, as shares of the edge of a square of its area: the first
-near one at which there are enough, and the far one."""
+"""Distances from the mask between which pixels show the table, as shares of the square root of its area: the first near
+one at which there are enough, and the far one."""
 ENOUGH_TABLE_PX = 100
 """Pixels that are enough to know the table."""
 SURROUNDINGS_SIGMA_PX = 3.0
@@ -105,13 +106,13 @@ def mask_objections(
     if not contour.any():
         return inverted
     distance = signed_distance(mask)
-    edge = float(np.sqrt(mask.sum()))
-    table = _table(distance, edge, free)
+    root_area = float(np.sqrt(mask.sum()))
+    table = _table(distance, root_area, free)
     rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
     flash = _highlights(rise, table)
     objections = inverted or _cut_off(mask, contour, edges)
     images = edge_image(background, table), edge_image(rise, table)
-    evidence = ContourEvidence.of(contour, distance, images, free, edge)
+    evidence = ContourEvidence.of(contour, distance, images, free, root_area)
     shift = misplacement(evidence, flash)
     if shift is not None:
         share = float(shift.piece.sum() / contour.sum())
@@ -119,7 +120,7 @@ def mask_objections(
     elif (piece := continued_beyond(evidence, _highlights(rise, table, may_have_glass=True))) is not None:
         objections.append(_objection("continued", piece, float(piece.sum() / contour.sum()), SHIFT_DOUBT))
     if estimated:
-        objections += _unsupported(contour & ~edges, edge, flash) + _misshapen(mask, contour, edge)
+        objections += _unsupported(contour & ~edges, root_area, flash) + _misshapen(mask, contour, root_area)
     return objections
 
 
@@ -156,10 +157,10 @@ def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
     return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)
 
 
-def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:
+def _table(distance: np.ndarray, root_area: float, free: np.ndarray) -> np.ndarray:
     """Return the pixels (H, W) bool that show the table: at some distance from the mask, nearer if there are none."""
     for share in TABLE_SHARES:
-        table = (distance > share * edge + 1.0) & (distance < MAX_TABLE_SHARE * edge) & free
+        table = (distance > share * root_area + 1.0) & (distance < MAX_TABLE_SHARE * root_area) & free
         if table.sum() > ENOUGH_TABLE_PX:
             break
     return table
@@ -193,24 +194,24 @@ def _inverted(mask: np.ndarray) -> list[Objection]:
     return [_objection("corners", mask & frame, float(mask[frame].mean()), SHIFT_DOUBT)]
 
 
-def _unsupported(contour: np.ndarray, edge: float, flash: np.ndarray) -> list[Objection]:
+def _unsupported(contour: np.ndarray, root_area: float, flash: np.ndarray) -> list[Objection]:
     """Object to a contour along which no highlight was recorded."""
-    lonely = contour & (ndimage.distance_transform_edt(~flash) > max(MIN_SUPPORT_PX, SUPPORT_SHARE * edge))
+    lonely = contour & (ndimage.distance_transform_edt(~flash) > max(MIN_SUPPORT_PX, SUPPORT_SHARE * root_area))
     share = float(lonely.sum() / max(int(contour.sum()), 1))
     return [_objection("unsupported", lonely, share, UNSUPPORTED_DOUBT)] if share > MAX_WITHOUT_HIGHLIGHT else []
 
 
-def _misshapen(mask: np.ndarray, contour: np.ndarray, edge: float) -> list[Objection]:
+def _misshapen(mask: np.ndarray, contour: np.ndarray, root_area: float) -> list[Objection]:
     """Object to parts that only a neck joins, and to a ragged contour."""
     objections = []
-    radius = max(1, round(NECK_SHARE * edge))
+    radius = max(1, round(NECK_SHARE * root_area))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     opened = large_components(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0, MIN_PART_RATIO)
     if ndimage.label(opened)[1] > ndimage.label(large_components(mask, MIN_PART_RATIO))[1]:
         neck = contour & ~ndimage.binary_dilation(opened, iterations=2)
         if neck.any():
             objections.append(_objection("neck", neck, float(neck.sum() / contour.sum()), SHAPE_DOUBT))
-    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), max(1.5, 0.015 * edge)) > 0.5
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), max(1.5, 0.015 * root_area)) > 0.5
     ragged = _perimeter(mask) / max(_perimeter(smooth), 1.0)
     if ragged > RAGGED_RATIO:
         piece = contour & (mask ^ smooth | ndimage.binary_dilation(mask ^ smooth))

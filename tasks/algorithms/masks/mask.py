@@ -25,13 +25,14 @@ from glint.tasks.algorithms.table.unshadowed_response import unshadowed_response
 EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MIN_KNOWN_LIGHTS, UNSHADOWED_ROUNDS = 60, 2
-"""Frames of known lights from which those that pass the object are enough, and times that its outline chooses them."""
+"""Least number of frames with a known light for the lights that pass the object to show its shadows, and times that its
+outline chooses these lights."""
 WINDOW_MARGIN_SHARE = 0.2
-"""Margin about the object and the table around it beyond which nothing is looked at, as a share of the edge of a square
-of the object's area: for walls and feet, and for what is smoothed."""
+"""Margin about the object and the table around it beyond which nothing is looked at, as a share of the square root of
+the object's area: for walls and feet, and for what is smoothed."""
 SHADOW_CUTS = (0.1, 1.0), (0.03, 0.5)
-"""Nats by which a pixel is preferred inside where a contour within a shadow is looked for, as that contour is shorter,
-and the edge, in those of the table's texture, below which the contour outside may be a shadow's."""
+"""Of each cut for a contour within a shadow, the nats by which a pixel is preferred inside, as that contour is shorter,
+and the edge, in edges of the table's texture, below which the contour outside may be a shadow's."""
 MIN_SHADOW_SHARE = 0.3
 """Share of a shadow's pixels that differ from the table, but not under the lights that pass the object."""
 

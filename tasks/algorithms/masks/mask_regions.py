@@ -9,8 +9,8 @@ from glint.tasks.algorithms.geometry.distance import depth_inside
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_image, symmetric_body
 
 JOIN_SHARE, CLOSE_SHARE, BRIDGE_SHARE = 0.1, 0.07, 0.12
-"""Gaps that are closed, as shares of the edge of a square of the object's area: between components of one object,
-between pixels of its contour, and those that only a contour along most of the region may bridge."""
+"""Gaps that are closed, as shares of the square root of the object's area: between components of one object, between
+pixels of its contour, and those that only a contour along most of the region may bridge."""
 THIN_SHARE = 0.015
 """Half the width of a thin line, likewise: glass beyond a line is still the object, while a handle is thicker."""
 MIN_HOLE_RATIO = 0.015
@@ -24,7 +24,7 @@ MIN_SEED_RATIO = 0.1
 MIN_MOMENT_RATIO = 0.1
 """Different frames in which the pixels of a further component flash most, likewise."""
 MAX_ALONG_EDGE_RATIO = 0.3
-"""Pixels of a component on the frame's edge, relative to the root of its area, from which it lies along that edge."""
+"""Pixels of a component on the frame's edge, relative to the square root of its area, from which it lies along it."""
 EDGE_PENALTY = 0.1
 """Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
 MIN_OPENING_RATIO, MIN_OPENING_PX = 0.002, 12
@@ -47,15 +47,15 @@ def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndar
     moment: (H, W) int, frame of a pixel's largest flash. Some part of a glass object flashes under nearly every light;
     where a lamp or an arm passes through the picture, all flashes fall in the few frames that show it.
     """
-    components, count = ndimage.label(closed(differing, JOIN_SHARE * _edge(flashing)))
+    components, count = ndimage.label(closed(differing, JOIN_SHARE * _root_area(flashing)))
     if count == 0:
         return differing
-    seeds = np.bincount(components.ravel(), (flashing & differing).ravel(), minlength=count + 1)
+    seeded = flashing & differing
+    seeds = np.bincount(components.ravel(), seeded.ravel(), minlength=count + 1)
     seeds[0] = 0
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
     seeds = np.where(along_edge > MAX_ALONG_EDGE_RATIO * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
-    seeded = flashing & differing
     pairs = np.unique(np.stack([components[seeded], moment[seeded]]), axis=1)
     moments = np.bincount(pairs[0], minlength=count + 1)
     is_main = (seeds >= MIN_SEED_RATIO * seeds.max()) & (moments >= MIN_MOMENT_RATIO * moments[seeds.argmax()])
@@ -76,7 +76,7 @@ def object_sizes(mask: np.ndarray) -> list[int]:
 
     Small parts beside a large one belong to it: the masks of glass often fall apart.
     """
-    parts, _ = ndimage.label(closed(mask, GAP_SHARE * _edge(mask)))
+    parts, _ = ndimage.label(closed(mask, GAP_SHARE * _root_area(mask)))
     sizes = sorted((int(size) for size in np.bincount(parts[mask], minlength=1)[1:]), reverse=True)
     return [size for size in sizes if size >= MIN_OBJECT_RATIO * sizes[0]]
 
@@ -102,7 +102,7 @@ def filled(differing: np.ndarray, share: float) -> np.ndarray:
     A hole is glass if it is small, or if only a thin line separates it from the surroundings: the rim of a foot, the
     edge of a wall.
     """
-    mask = closed(differing, share * _edge(differing))
+    mask = closed(differing, share * _root_area(differing))
     around, open_labels = _around_solid(differing, mask)
     holes, count = ndimage.label(~mask)
     outside = set(np.unique(_frame_edge(holes)))
@@ -115,8 +115,8 @@ def filled(differing: np.ndarray, share: float) -> np.ndarray:
 
 def bridged(differing: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Return the regions beside the mask that thin lines of differing pixels, with gaps, enclose; all (H, W) bool."""
-    edge = _edge(mask)
-    wide = closed(differing, BRIDGE_SHARE * edge)
+    root_area = _root_area(mask)
+    wide = closed(differing, BRIDGE_SHARE * root_area)
     around, open_labels = _around_solid(differing, mask)
     regions, _ = ndimage.label(wide & ~mask)
     result = np.zeros_like(mask)
@@ -164,7 +164,7 @@ def closed(mask: np.ndarray, radius: float) -> np.ndarray:
 
 def _around_solid(differing: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return components (H, W) of what remains of the picture without the thick parts, and those at its edge."""
-    radius = THIN_SHARE * _edge(mask)
+    radius = THIN_SHARE * _root_area(mask)
     solid = cv2.morphologyEx(differing.astype(np.uint8), cv2.MORPH_OPEN, _disc(radius)) > 0
     around, _ = ndimage.label(~solid)
     at_edge = np.unique(_frame_edge(around))
@@ -176,8 +176,8 @@ def _disc(radius: float) -> np.ndarray:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
 
 
-def _edge(mask: np.ndarray) -> float:
-    """Return the edge of a square of the mask's area, at least 5 pixels."""
+def _root_area(mask: np.ndarray) -> float:
+    """Return the square root of the mask's area, at least 5 pixels."""
     return float(np.sqrt(max(int(mask.sum()), 25)))
 
 

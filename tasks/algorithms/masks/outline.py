@@ -29,13 +29,13 @@ from glint.tasks.algorithms.table.table_response import TableResponse
 from glint.tasks.algorithms.table.table_texture import texture_ratio
 
 CLOSED_CONTOUR_SHARE = 0.02
-"""Gaps of the contour that the second cut takes as closed, as a share of the edge of a square of the object's area."""
+"""Gaps of the contour that the second cut takes as closed, as a share of the square root of the object's area."""
 MAX_OUTWARD_SHARE, MAX_INWARD_SHARE = 0.06, 0.03
 """Farthest that the second cut moves the contour, likewise."""
 OUTWARD_BONUS = 0.2
 """Nats by which a pixel is preferred inside where a contour farther out is looked for."""
 MAX_WALL_SHARE, WALL_ROUNDS = 0.18, 2
-"""Farthest that the outer face of a wall is looked for, as a share of that edge, and the times it is."""
+"""Farthest that the outer face of a wall is looked for, as such a share, and the times it is."""
 RESPONSE_WEIGHT, TEXTURE_WEIGHT = 0.03, 0.2
 """Weights of the log-likelihood ratios of response and texture in the second cut: near the contour edges decide."""
 MIN_FOOT_DEPTH_PX = 1.5
@@ -81,20 +81,20 @@ def _with_foot(
 
 def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     """Return the mask (H, W) bool with its contour moved to the edges nearby; see `refined_mask`."""
-    edge = float(np.sqrt(parts.differing.sum()))
+    root_area = float(np.sqrt(parts.differing.sum()))
     lines, *responses = wall_images(parts, background)
     brightness = edge_image(background, parts.is_table)
     edges, walls = (links([image, *responses], 1.0) for image in (brightness, lines))
-    texture = texture_ratio(background, parts.is_table, edge)
+    texture = texture_ratio(background, parts.is_table, root_area)
 
     def cut(inside: np.ndarray, start: np.ndarray, max_share: float, capacities: Links, bonus: float) -> np.ndarray:
-        """Return the object, which holds `inside` and reaches at most a share of the edge beyond `start`."""
+        """Return the object, which holds `inside` and reaches at most `max_share` root areas beyond `start`."""
         distance = ndimage.distance_transform_edt(~start)
-        outside = (distance > max(2, round(max_share * edge))) | ~allowed
+        outside = (distance > max(2, round(max_share * root_area))) | ~allowed
         ratios = RESPONSE_WEIGHT * parts.ratios + TEXTURE_WEIGHT * texture + bonus
         return large_components(grid_cut(ratios, capacities, inside, outside) & allowed)
 
-    inside, start = _certain(parts, edge), parts.filled
+    inside, start = _certain(parts, root_area), parts.filled
     mask = cut(inside, start, MAX_OUTWARD_SHARE, edges, 0.0)
     # Where an edge farther out is stronger than the one found, the contour moves out to it.
     for _ in range(OUTWARD_ROUNDS):
@@ -109,15 +109,15 @@ def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) ->
     return with_symmetric_walls(mask, [lines, *responses], difference, parts.is_table, allowed)
 
 
-def _certain(parts: Separation, edge: float) -> np.ndarray:
+def _certain(parts: Separation, root_area: float) -> np.ndarray:
     """Return the pixels (H, W) bool that are of the object wherever its contour lies.
 
-    edge: of a square of the object's area, pixels.
+    root_area: square root of the object's area, pixels.
     """
     # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
-    holes = parts.filled & ~closed(parts.differing, CLOSE_SHARE * edge)
-    solid = filled(closed(parts.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | parts.bridged
-    return np.asarray(ndimage.distance_transform_edt(solid) > max(2, round(MAX_INWARD_SHARE * edge)))
+    holes = parts.filled & ~closed(parts.differing, CLOSE_SHARE * root_area)
+    solid = filled(closed(parts.differing | holes, CLOSED_CONTOUR_SHARE * root_area), 0.0) | parts.bridged
+    return np.asarray(ndimage.distance_transform_edt(solid) > max(2, round(MAX_INWARD_SHARE * root_area)))
 
 
 def wall_images(parts: Separation, background: np.ndarray) -> list[np.ndarray]:

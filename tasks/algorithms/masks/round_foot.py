@@ -16,7 +16,7 @@ from glint.tasks.algorithms.masks.ellipse_evidence import Ellipse, EllipseGrid, 
 SEARCH_WIDTH_PX = 110
 """Largest width of the mask at which a foot is searched for; then it is refined at twice the size, and so on."""
 MIN_IMAGE_PX = 8
-"""Least edge of an image in which a foot is searched for."""
+"""Least width and height of an image in which a foot is searched for."""
 MIN_WIDTH_SHARE, MAX_WIDTH_SHARE = 0.15, 0.7
 """Half the width of the foot as a share of the mask's width."""
 MIN_ASPECT, MAX_ASPECT = 0.08, 0.65
@@ -25,7 +25,7 @@ LOWEST_OFFSETS_PX = -5.0, 2.0
 """Offsets of the foot's lowest point from the mask's at the search width."""
 AXIS_OFFSET_PX = 2.0
 """Largest offset of the foot from the axis at that width."""
-MAX_EDGE, MAX_FINE_EDGE = 1.0, 3.0
+MAX_PLACE_EVIDENCE, MAX_FINE_EVIDENCE = 1.0, 3.0
 """Bound of a place's evidence: in the search, where no place may outweigh the rest, and in the refinement, where the
 rim is where slopes are steepest."""
 MIN_EVIDENCE, MIN_HALF_EVIDENCE = 0.62, 0.55
@@ -76,7 +76,7 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
         for x, y, tilt in _lower_ends(mask)
     ]
     excess, ellipse = max((_search(evidence, start) for start in starts), key=lambda best: best[0])
-    near, far, _ = mean_evidence(evidence, ellipse, FINE_SAMPLES, MAX_EDGE)
+    near, far, _ = mean_evidence(evidence, ellipse, FINE_SAMPLES, MAX_PLACE_EVIDENCE)
     if min(near, far) < MIN_HALF_EVIDENCE or 0.5 * (near + far) < MIN_EVIDENCE:
         return np.zeros_like(mask)
     shift = BESIDE_SHARE * width / factor
@@ -85,11 +85,11 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
     ]
     if excess <= MIN_TABLE_RATIO * max(*beside, 0.0):
         return np.zeros_like(mask)
-    ellipse = _refined(evidence, ellipse, MAX_FINE_EDGE)[1]
+    ellipse = _refined(evidence, ellipse, MAX_FINE_EVIDENCE)[1]
     while factor > 1:
         factor //= 2
         evidence = _evidence(background, flashes, is_table, factor)
-        ellipse = _refined(evidence, ellipse.scaled(2.0), MAX_FINE_EDGE)[1]
+        ellipse = _refined(evidence, ellipse.scaled(2.0), MAX_FINE_EVIDENCE)[1]
     return _pixels(ellipse, mask.shape)
 
 
@@ -119,9 +119,9 @@ def _evidence(background: np.ndarray, flashes: np.ndarray, is_table: np.ndarray,
     """Return the evidence of images reduced by a factor."""
     background, flashes, share = (_reduced(image, factor) for image in (background, flashes, is_table))
     is_table = share == 1.0
-    lines = np.stack(np.gradient(edge_image(background, is_table, is_sharp=True).astype(float)))
-    rims = np.stack(np.gradient(flashes.astype(float)))
-    return Evidence(lines, rims, np.maximum(np.hypot(*lines), np.hypot(*rims)))
+    line_slopes = np.stack(np.gradient(edge_image(background, is_table, is_sharp=True).astype(float)))
+    flash_slopes = np.stack(np.gradient(flashes.astype(float)))
+    return Evidence(line_slopes, flash_slopes, np.maximum(np.hypot(*line_slopes), np.hypot(*flash_slopes)))
 
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
@@ -141,8 +141,10 @@ def _search(evidence: Evidence, start: _Start) -> tuple[float, Ellipse]:
         aspects=np.geomspace(MIN_ASPECT, MAX_ASPECT, 14),
         tilts=np.array([start.tilt]),
     )
-    excess, ellipse = best_ellipse(evidence, grid, COARSE_SAMPLES, MAX_EDGE)
-    return _refined(evidence, Ellipse(*ellipse), MAX_EDGE) if np.isfinite(excess) else (excess, Ellipse(*ellipse))
+    excess, ellipse = best_ellipse(evidence, grid, COARSE_SAMPLES, MAX_PLACE_EVIDENCE)
+    if not np.isfinite(excess):
+        return excess, Ellipse(*ellipse)
+    return _refined(evidence, Ellipse(*ellipse), MAX_PLACE_EVIDENCE)
 
 
 def _refined(evidence: Evidence, ellipse: Ellipse, bound: float) -> tuple[float, Ellipse]:

@@ -22,13 +22,13 @@ from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_
 from glint.tasks.algorithms.silhouettes.reflection_axes import MAX_SCORED_PIXELS, refined_place
 
 AXIS_REACH_SHARE, AXIS_SIGMA_PX = 0.15, 1.0
-"""Distance from the mask up to which edges tell the axis, as a share of the edge of a square of its area, and the
-standard deviation of their smoothing."""
+"""Distance from the mask up to which edges tell the axis, as a share of the square root of its area, and the standard
+deviation of their smoothing."""
 AXIS_STEPS, LAST_MIRROR_STEP_DEG = (float(np.radians(1.0)), 1.0), 0.05
 """First steps of the axis' angle and offset, radians and pixels, and the step of the angle at which its search ends."""
 WALL_REACH_SHARE, INWARD_SHARE = 0.18, 0.03
 """Farthest that the cut moves the contour of mask and mirror image together outward, and that of their overlap inward,
-as shares of the edge of such a square."""
+as shares of the square root of the mask's area."""
 MIN_SHIFT_PX = 2
 """Distance that it may be moved in any case."""
 MIN_WALL_EXCESS, MIN_WALL_EXCESS_RATIO = 0.12, 0.4
@@ -43,7 +43,7 @@ def with_symmetric_walls(
     images: Sequence[np.ndarray],
     difference: np.ndarray,
     is_table: np.ndarray,
-    free: np.ndarray,
+    allowed: np.ndarray,
 ) -> np.ndarray:
     """Return a mask (H, W) bool with the walls that it lacks.
 
@@ -52,16 +52,16 @@ def with_symmetric_walls(
         images: (H, W) each; a difference of 1 between neighbours is an edge.
         difference: (H, W), by how much pixels differ from the table, nats, small where they are like it.
         is_table: (H, W) bool, pixels of the table.
-        free: (H, W) bool, where the object may be.
+        allowed: (H, W) bool, where the object may be.
     """
     axis = evident_axis(mask, images)
     if axis is None:
         return mask
     down, right = _slopes(images)
     on_table = float(np.mean([_evidence(slopes)[is_table] for slopes in (down, right)])) if is_table.any() else 0.0
-    body = _symmetric_body(mask, axis, images, difference, free)
+    body = _symmetric_body(mask, axis, images, difference, allowed)
     for larger in (body, mirror_image(mask, axis)):
-        mask = _with_evident_pieces(mask, larger & free, axis, images, on_table)
+        mask = _with_evident_pieces(mask, larger & allowed, axis, images, on_table)
     return mask
 
 
@@ -108,22 +108,22 @@ def _symmetric_body(
     axis: MirrorAxis,
     images: Sequence[np.ndarray],
     difference: np.ndarray,
-    free: np.ndarray,
+    allowed: np.ndarray,
 ) -> np.ndarray:
     """Return the body (H, W) bool, symmetric about an axis, of minimum energy; see `with_symmetric_walls`."""
-    edge = float(np.sqrt(mask.sum()))
-    upright, size = _upright(mask, axis, WALL_REACH_SHARE * edge + 2 * MIN_SHIFT_PX)
+    root_area = float(np.sqrt(mask.sum()))
+    upright, size = _upright(mask, axis, WALL_REACH_SHARE * root_area + 2 * MIN_SHIFT_PX)
 
     def turned(image: np.ndarray, border: int = cv2.BORDER_CONSTANT) -> np.ndarray:
         return np.asarray(cv2.warpAffine(image.astype(np.float32), upright, size, borderMode=border))
 
     capacities = _folded(links([turned(image, cv2.BORDER_REPLICATE) for image in images], 1.0))
-    difference, mask_there, free_there = turned(difference), turned(mask) > 0.5, turned(free) > 0.5
+    difference, mask_there, allowed_there = turned(difference), turned(mask) > 0.5, turned(allowed) > 0.5
     difference = np.minimum(difference, difference[:, ::-1])
-    possible = free_there & free_there[:, ::-1]
+    possible = allowed_there & allowed_there[:, ::-1]
     shared, reach = mask_there & mask_there[:, ::-1], mask_there | mask_there[:, ::-1]
-    inside = ndimage.distance_transform_edt(shared) > max(MIN_SHIFT_PX, round(INWARD_SHARE * edge))
-    outside = ndimage.distance_transform_edt(~reach) > max(MIN_SHIFT_PX, round(WALL_REACH_SHARE * edge))
+    inside = ndimage.distance_transform_edt(shared) > max(MIN_SHIFT_PX, round(INWARD_SHARE * root_area))
+    outside = ndimage.distance_transform_edt(~reach) > max(MIN_SHIFT_PX, round(WALL_REACH_SHARE * root_area))
     # Both sides are one: the cut is that of one side, of which the pixels on the axis count half.
     half = slice(size[0] // 2, None)
     sides = {neighbour: capacity[:, half].copy() for neighbour, capacity in capacities.items()}

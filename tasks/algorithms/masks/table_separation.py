@@ -26,7 +26,7 @@ differs whatever its neighbours do: lines of highlights are a pixel wide."""
 MAX_RATIO = 5.0
 """Bound of the log-likelihood ratio of a pixel, nats: a surprise is no proof."""
 FEATURE_LIMITS = -4.0, 6.0
-"""Bounds of the two features, standard deviations of the table: beyond them a pixel differs from it in any case."""
+"""Bounds of the two features, which are log ratios: beyond them a pixel differs from the table in any case."""
 FEATURE_SIGMA_PX = 0.6
 """Standard deviation of the smoothing before edges of the features are taken."""
 CUT_STRENGTH, CUT_CONTRAST = 3.0, 0.5
@@ -34,14 +34,14 @@ CUT_STRENGTH, CUT_CONTRAST = 3.0, 0.5
 RESPONSE_EDGE = 0.24
 """Difference of the saturated response that counts as an edge."""
 MIN_HIGHLIGHT_PX = 12
-"""Pixels with highlights without which there is no object."""
+"""Pixels with highlights below which there is no object."""
 MAX_HIGHLIGHT_SHARE = 0.9
-"""Share of the picture beyond which highlights are no highlights."""
+"""Share of the picture beyond which what flashes is not taken for highlights."""
 MIN_GAP_PX, MIN_GAP_SHARE, MAX_GAP_PX, MAX_GAP_SHARE = 3.0, 0.02, 20.0, 0.4
-"""Distances from the object between which the table is sampled, in pixels and as a share of the edge of a square of the
+"""Distances from the object between which the table is sampled, in pixels and as a share of the square root of the
 object's area, whichever is more: beyond the blur of the contour, and where the light is still the same."""
 MIN_TABLE_PX = 50
-"""Pixels around the object without which the frame's border is the table."""
+"""Pixels of the table around the object below which the frame's border is taken for the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,15 +96,15 @@ def separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> 
         cv2.GaussianBlur(channel, (0, 0), FEATURE_SIGMA_PX) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)
     ]
     capacities = links(images, CUT_STRENGTH, gaussian=True)
-    is_table, edge = response.border, None
+    is_table, root_area = response.border, None
     for _ in range(ROUNDS):
-        table = fit_table(features, is_table, edge)
+        table = fit_table(features, is_table, root_area)
         highlights = table.flashing(features)
         flashing = highlights & allowed
         _check_highlights(flashing, allowed)
         distance = table.distance(features)
         ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
-        if edge is None:
+        if root_area is None:
             # Shadows differ from the table far away as well: at first highlights alone are the object.
             differing = main_components(flashing, flashing, response.moment)
         else:
@@ -114,24 +114,28 @@ def separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> 
         mask = filled(differing, CLOSE_SHARE)
         enclosed = bridged(differing, mask)
         # Parts of the object without highlights lie between those with them, not in the table's sample.
-        covered = mask | enclosed if edge is not None else convex_hull(mask)
-        edge = float(np.sqrt(max(int(differing.sum()), 1)))
+        covered = mask | enclosed if root_area is not None else convex_hull(mask)
+        root_area = float(np.sqrt(max(int(differing.sum()), 1)))
         gap = ndimage.distance_transform_edt(~covered)
-        is_table = (gap > max(MIN_GAP_PX, MIN_GAP_SHARE * edge)) & (gap < max(MAX_GAP_PX, MAX_GAP_SHARE * edge)) & free
+        is_table = (
+            (gap > max(MIN_GAP_PX, MIN_GAP_SHARE * root_area))
+            & (gap < max(MAX_GAP_PX, MAX_GAP_SHARE * root_area))
+            & free
+        )
         is_table &= ~ndimage.binary_dilation(highlights, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border
     return Separation(differing, mask | enclosed, enclosed, features, ratios, is_table, table)
 
 
-def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
-    """Refuse a picture without highlights, or one full of them.
+def _check_highlights(flashing: np.ndarray, allowed: np.ndarray) -> None:
+    """Refuse a picture without highlights, or one full of them; flashing, allowed: (H, W) bool, see `separate`.
 
     Raises:
         UnusableCapture: as `separate`.
     """
     count = int(flashing.sum())
     if count < MIN_HIGHLIGHT_PX:
-        raise UnusableCapture(f"no highlight, {count} of {free.sum()} pixels flash more than the table", MASK_REMEDY)
-    if count > MAX_HIGHLIGHT_SHARE * free.sum():
-        raise UnusableCapture(f"{count / free.sum():.0%} of {free.sum():,} pixels show a highlight", MASK_REMEDY)
+        raise UnusableCapture(f"no highlight, {count} of {allowed.sum()} pixels flash more than the table", MASK_REMEDY)
+    if count > MAX_HIGHLIGHT_SHARE * allowed.sum():
+        raise UnusableCapture(f"{count / allowed.sum():.0%} of {allowed.sum():,} pixels show a highlight", MASK_REMEDY)

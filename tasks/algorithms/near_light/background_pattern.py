@@ -23,13 +23,13 @@ ROUNDING_DEVIATION = 12.0**-0.5
 """Least such deviation, in levels: that of rounding. On a plain table most levels can be equal, and the pattern is in
 those that are not."""
 MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
-"""Frames in which levels change from which these alone are used, and changes of a frame and of a place from which their
-medians are known."""
+"""Least number of frames with changed levels for these alone to be used, and least numbers of changes in a frame and at
+a place for their medians to be known."""
 ITERATIONS = 5
 """Times that the inverse distance is improved."""
 START_REACHES = 0.02
-"""Inverse distance from which the iteration starts, in those of the farthest place: it must not be 0."""
-SWEEPS = 3
+"""Inverse distance from which the iteration starts, times the distance of the farthest place; it must not be 0."""
+MEDIAN_ROUNDS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
 """Groups of consecutive frames of which each is left out in turn."""
@@ -52,12 +52,15 @@ class PatternFit:
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """The background under a light.
+    """N places of the background in T frames.
 
-    logarithms: of the levels, (T, N), which of them are used, (T, N) bool, and changes (T, N): of the levels since the
-    frame before, NaN in the first; points: of the places, (N, 3); table: their plane; site: of the sphere that shows
-    the light's directions in these frames; room_share, room_deviation: of the room's light in a usual level, and its
-    standard deviation.
+    logarithms: (T, N), of the levels.
+    used: (T, N) bool, which of them count.
+    changes: (T, N), absolute change of each level since the frame before, NaN in the first.
+    points: (N, 3), of the places, pixels from the reference point, y up.
+    table: their plane.
+    site: the sphere that shows the light's directions in these frames.
+    room_share, room_deviation: share of the room's light in a usual level, and its standard deviation.
     """
 
     logarithms: np.ndarray
@@ -132,7 +135,7 @@ class Background:
         return _without_medians(model, self.used)
 
     def _inverse(self, start: float, iterations: int) -> float:
-        """Return the inverse distance that explains the pattern, from an approximate one, `start`."""
+        """Return the inverse distance, 1/pixels, that explains the pattern, from an approximate one, `start`."""
         pattern, reach = _without_medians(self.logarithms, self.used), self._reach
         inverse = start
         for _ in range(iterations):
@@ -160,7 +163,7 @@ def _without_medians(values: np.ndarray, used: np.ndarray) -> np.ndarray:
     Shadows lie opposite to the light, where falloff darkens as well: means would take them for it.
     """
     values = np.where(used, values, np.nan)
-    for _ in range(SWEEPS):
+    for _ in range(MEDIAN_ROUNDS):
         values = values - _medians(values)[:, None]
         values = values - _medians(values.T)
     return values

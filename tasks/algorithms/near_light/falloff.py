@@ -45,8 +45,11 @@ levels), and of the room's share by shadows that are not wholly dark."""
 
 @dataclass(frozen=True, slots=True)
 class Falloff:
-    """inverse_distance: of the light from the reference point, 1/pixels, 0 for a distant one; standard_deviation: of
-    it, by scatter and model together."""
+    """Distance of a light as the background shows it.
+
+    inverse_distance: of the light from the reference point, 1/pixels, 0 for a distant one. standard_deviation: of the
+    inverse distance, by scatter and model together.
+    """
 
     inverse_distance: float
     standard_deviation: float
@@ -158,7 +161,7 @@ def _held_levels(levels: np.ndarray) -> float:
 def _falloff_by_changes(background: Background, whole: PatternFit, hidden: float) -> Falloff:
     """Return the falloff by the levels that have just changed, where they show it; else `whole`, the fit of all levels.
 
-    Moving shadows and caustics change levels most: whether a light is near at all is not told by changes alone.
+    Moving shadows and caustics change levels most, so changes alone do not decide whether a light is near at all.
 
     hidden: inverse distance whose pattern a codec may hide, 1/pixels.
     """

@@ -5,8 +5,8 @@ optical axis, and so are those of all pixels. That turns all normals by half the
 bends them by half of each pixel's own. A surface with turned normals is the surface turned, but its pixels stay where
 they were: the gradients have a curl that grows with the inverse focal length. Least squares integration (Frankot and
 Chellappa 1988) leaves the part of the gradients that no surface has; the inverse focal length that makes it least is
-nearly linear in it. Normals that integrate under any camera, as those of a plane, show none: by how much what remains
-changes with it is then no more than what the noise of the normals gives.
+nearly linear in it. Normals that integrate under any camera, such as those of a plane, show no focal length: what
+remains of their gradients then changes with it by no more than the noise of the normals explains.
 """
 
 from dataclasses import dataclass

@@ -61,7 +61,7 @@ class NearLight:
 
 @dataclass(frozen=True, slots=True)
 class SphereLights:
-    """Light directions that one sphere shows.
+    """Light directions that one sphere shows: the sphere as a site from which the light is seen.
 
     lights (T, 3) float64: NaN where the sphere shows none. positions (T, 3): the surface point that reflects the light,
     relative to the reference point, in pixels, y up.
@@ -103,6 +103,6 @@ class SphereLights:
         return unit(scaled + (np.sqrt(np.maximum(square, 1e-6)) - along) * self.lights)
 
 
-def mean_distance(inverse_distance: np.ndarray) -> float:
-    """Return the distance in pixels that belongs to the median of inverse distances (T,), NaN left out."""
+def median_distance(inverse_distance: np.ndarray) -> float:
+    """Return the distance in pixels at the median of a light's inverse distances (T,), 1/pixels, NaN left out."""
     return float(1.0 / np.nanmedian(inverse_distance))

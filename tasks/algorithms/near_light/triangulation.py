@@ -37,9 +37,9 @@ ALTERNATIONS = 4
 MAX_INVERSE_DISTANCE_SPAN = 1.5
 """Largest inverse distance, times the spheres' span, that a step may reach: nearer lights stand between the spheres."""
 MIN_INVERSE_RATIO, MAX_INVERSE_RATIO = 0.3, 3.0
-"""Bounds of a frame's inverse distance, in that which fits all frames."""
+"""Bounds of a frame's inverse distance, relative to the one that fits all frames."""
 SMOOTHING_FRAMES = (4.0, 12.0, 36.0, 108.0)
-"""Lengths in frames over which a varying distance is smoothed that are tried."""
+"""Lengths, in frames, that are tried for the smoothing of a varying distance."""
 HELD_OUT_FRAMES = 8
 """Length of the blocks of frames that cross-validation withholds in turn; neighbouring frames err alike."""
 MIN_VALIDATION_GAIN = 0.1
@@ -72,12 +72,12 @@ class Parallax:
     shared: np.ndarray
 
 
-def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
+def fit_parallax(sites: Sequence[SphereLights]) -> Parallax | None:
     """Fit the inverse distance of a light and the spheres' rotations.
 
     None if no two spheres share enough frames, or if all stand at one place.
     """
-    lights, positions, accepted = _stacked(spheres)
+    lights, positions, accepted = _stacked(sites)
     shared = accepted.sum(axis=0) > 1
     if shared.sum() < MIN_SHARED_FRAMES:
         return None
@@ -87,30 +87,30 @@ def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
     span = float(np.nanmean(distances[in_common], axis=-1).max())
     if span < MIN_SPAN_PX:
         return None
-    inverse, rotations, error = 0.0, np.zeros((len(spheres), 2)), 0.0
+    inverse, rotations, error = 0.0, np.zeros((len(sites), 2)), 0.0
     for _ in range(GAUSS_NEWTON_STEPS):
         everywhere = np.full(lights.shape[1], inverse)
         residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, everywhere, rotations)
-        matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1).reshape(-1, 1 + 2 * len(spheres))
+        matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1).reshape(-1, 1 + 2 * len(sites))
         step, error = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
         inverse = float(np.clip(inverse + step[0], 0.0, MAX_INVERSE_DISTANCE_SPAN / span))
         rotations = rotations + step[1:].reshape(-1, 2)
     return Parallax(inverse, error, rotations, span, shared)
 
 
-def triangulate(spheres: Sequence[SphereLights], weights: np.ndarray | None = None) -> LightDistance | None:
+def triangulate(sites: Sequence[SphereLights], weights: np.ndarray | None = None) -> LightDistance | None:
     """Estimate a light's inverse distance; None if it is distant, or if the spheres show no parallax.
 
     weights (S,): shares of the spheres in the mean of their rotations, which shows in no parallax; None: the same.
     """
-    fit = fit_parallax(spheres)
+    fit = fit_parallax(sites)
     if (
         fit is None
         or fit.inverse_distance < MIN_SIGNIFICANCE * fit.standard_error
         or np.degrees(fit.inverse_distance * fit.span) < MIN_PARALLAX_DEG
     ):
         return None
-    lights, positions, accepted = (values[:, fit.shared] for values in _stacked(spheres))
+    lights, positions, accepted = (values[:, fit.shared] for values in _stacked(sites))
     inverse, rotations, varies = np.full(lights.shape[1], fit.inverse_distance), fit.rotations, False
     for _ in range(ALTERNATIONS):
         residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
@@ -132,10 +132,10 @@ def triangulate(spheres: Sequence[SphereLights], weights: np.ndarray | None = No
     return LightDistance(varying, fit.standard_error, varies, rotations)
 
 
-def _stacked(spheres: Sequence[SphereLights]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stacked(sites: Sequence[SphereLights]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return lights (S, T, 3) and positions (S, T, 3) of all spheres, and where there are any (S, T)."""
-    lights = np.stack([sphere.lights for sphere in spheres])
-    return lights, np.stack([sphere.positions for sphere in spheres]), np.isfinite(lights[..., 0])
+    lights = np.stack([site.lights for site in sites])
+    return lights, np.stack([site.positions for site in sites]), np.isfinite(lights[..., 0])
 
 
 def rotated(lights: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -154,7 +154,7 @@ def _linearized(
     count, on = len(lights), accepted[..., None]
     columns = _rotation_columns(half_vectors_of(np.where(on, lights, (0.0, 0.0, 1.0))))
     observed = np.where(on, lights, 0.0) - np.einsum("stij,sj->sti", columns, rotations)
-    site = np.where(on, positions, 0.0)
+    points = np.where(on, positions, 0.0)
     weight = accepted / accepted.sum(axis=0)
 
     def across(values: np.ndarray) -> np.ndarray:
@@ -162,14 +162,14 @@ def _linearized(
         extra = (None,) * (values.ndim - 2)
         return np.where(accepted[(..., *extra)], values - (weight[(..., *extra)] * values).sum(axis=0), 0.0)
 
-    # Seen from a site q, the light is in direction u - w q, of length |u - w q|: u is its direction, w its inverse
+    # Seen from a point q, the light is in direction u - w q, of length |u - w q|: u is its direction, w its inverse
     # distance from the reference point.
     length = np.ones((*lights.shape[:2], 1))
     for _ in range(3):
-        reference = unit((weight[..., None] * (length * observed + inverse[:, None] * site)).sum(axis=0))
-        length = np.linalg.norm(reference - inverse[:, None] * site, axis=-1, keepdims=True)
-    predicted = (reference - inverse[:, None] * site) / length
-    by_inverse = -(site - (site * predicted).sum(axis=-1, keepdims=True) * predicted) / length
+        reference = unit((weight[..., None] * (length * observed + inverse[:, None] * points)).sum(axis=0))
+        length = np.linalg.norm(reference - inverse[:, None] * points, axis=-1, keepdims=True)
+    predicted = (reference - inverse[:, None] * points) / length
+    by_inverse = -(points - (points * predicted).sum(axis=-1, keepdims=True) * predicted) / length
     by_rotation = np.zeros((*lights.shape, count, 2))
     for number in range(count):
         by_rotation[number, :, :, number] = columns[number]

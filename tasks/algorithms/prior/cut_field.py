@@ -1,4 +1,4 @@
-"""Smooth normal field that is cut along contours inside the silhouette: across them, no normal tells of another."""
+"""Smooth normal field that is cut along contours inside the silhouette: no normal influences those across a contour."""
 
 import numpy as np
 from scipy import sparse
@@ -24,8 +24,8 @@ def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_len
         tension_length: see `smooth_normal_field`.
     """
     grid = BilinearGrid.over(mask, 1)
-    missing = [(0, grid.nodes.shape[axis] - mask.shape[axis]) for axis in (0, 1)]
-    cuts = {(0, 1): np.pad(right, missing), (1, 0): np.pad(down, missing)}
+    padding = [(0, grid.nodes.shape[axis] - mask.shape[axis]) for axis in (0, 1)]
+    cuts = {(0, 1): np.pad(right, padding), (1, 0): np.pad(down, padding)}
 
     def form(stencil: Stencil) -> sparse.csr_matrix:
         """Return the sum of squares of a difference wherever no edge between its nodes is cut."""

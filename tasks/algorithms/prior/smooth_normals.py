@@ -180,7 +180,10 @@ def quadratic_form(nodes: np.ndarray, stencil: Stencil, allowed: np.ndarray | bo
 
 
 def moved(values: np.ndarray, down: int, right: int, fill: int) -> np.ndarray:
-    """Return at each place the value (rows, columns) that lies so far below and to the right, at most a pixel."""
+    """Return values (rows, columns) of which each is the one that lies `down` below and `right` of it, -1 to 1 each.
+
+    fill: the value beyond the border.
+    """
     padded = np.pad(values, 1, constant_values=fill)
     return padded[1 + down : 1 + down + values.shape[0], 1 + right : 1 + right + values.shape[1]]
 

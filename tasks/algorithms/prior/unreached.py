@@ -61,7 +61,9 @@ def with_unreached(
 
 
 def _integrable(field: np.ndarray, confidence: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Return the normals (H, W, 3) of the surface whose slopes fit a field best, at a pixel by its edges' mean slopes.
+    """Return the normals (H, W, 3) of the surface whose slopes fit those of a field (H, W, 3) best.
+
+    Its slopes at a pixel are means over the edges to the pixel's neighbours.
 
     confidence: (H, W), 0 where the field is neither dark nor accepted. mask: (H, W) bool.
     """

@@ -122,7 +122,7 @@ def propose(
     wrong = wrong_probability(patches, labelled, result)
     exterior = patches.exterior(result.labels)
     first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, inradius)
-    turn = patches.mean(patches.turns(normals, result.normals))
+    turn = patches.mean(patches.angles_to(normals, result.normals))
     first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
     order = np.lexsort((-first, wrong < OPEN_PROBABILITY))
     order = order[first[order] > 0]
@@ -166,7 +166,7 @@ def rough_change(
 
     normals: (K, H, W, 3), of the patches' nodes; mask: (H, W) bool; inradius: of the mask, in pixels.
     """
-    own = np.minimum(patches.turns(normals, result.normals), MAX_CHANGE_DEG)
+    own = np.minimum(patches.angles_to(normals, result.normals), MAX_CHANGE_DEG)
     own = np.where(patches.of(result.labels) > 0, MAX_CHANGE_DEG / 3.0, own)
     rim, _ = contour_normals(mask)
     known = (accepted_pixels(result) | rim) & mask

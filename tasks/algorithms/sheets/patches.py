@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from glint.tasks.algorithms.geometry.vectors import angles
 
 PATCH_INRADII = 0.6
-"""Side of the largest patch, in inradii: a mark in its middle is believed to its borders."""
+"""Side of the largest patch, in inradii: the influence of a mark in its middle reaches its borders."""
 MIN_PATCH_NODES = 3
 """Nodes below which a patch may be noise; a few pixels can hold a wide gap between them."""
 
@@ -47,7 +47,7 @@ class Patches:
         """Return which patches (count,) bool are exterior by labels (K, H, W), nonzero = exterior."""
         return self.mean(self.of(labels) > 0) > 0.5
 
-    def turns(self, candidates: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def angles_to(self, candidates: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return the angles (N,), degrees, between the nodes of candidates (K, H, W, 3) and the normals (H, W, 3)."""
         return angles(self.of(candidates), normals[self.row, self.column])
 

@@ -40,7 +40,7 @@ def pairwise_edges(
     Only mutually nearest nodes are tied: a sheet passes each pixel once, and two sheets that cross must stay separate.
 
     normals: (K, H, W, 3) unit, of the nodes; nodes: (K, H, W), their ids, -1 without one; strength: weight of an edge
-    between equal normals; contrast: angle in radians at which it falls to 1/e.
+    between equal normals; contrast: difference of unit normals at which it has fallen to 1/e.
     """
     layers, height, width = nodes.shape
     # Each node has at most one edge to each of the four neighbours that follow it in raster order.

@@ -26,7 +26,7 @@ ends are cut off as glare."""
 MAX_OCCLUDED_SHARE = 0.05
 """Share of a highlight that is hidden by a static reflection, beyond which its shape shows nothing."""
 MIN_SHAPES, MIN_OTHER_SHAPES = 24, 12
-"""Frames, and frames outside any one sector, below which nothing is said."""
+"""Frames, and frames outside any one sector, below which nothing is concluded."""
 SECTORS = 6
 """Sectors about the centre that are left out in turn."""
 RADIUS_RATIO_SD = 0.3

@@ -17,7 +17,8 @@ from glint.tasks.algorithms.lighting.spheres import CROP_MARGIN_RATIO, Sphere, c
 LIGHT_SECTORS = 12
 """Equal parts of the circle of directions in the image."""
 MIN_FRAMES_SHARE = 0.25
-"""Share of the frames that a pixel keeps at least: the sectors in which least of the object lies before the light."""
+"""Least share of the frames that a pixel keeps: where too few lights pass, those before which the least of the object
+stands are added."""
 FREE_PX = 1.0
 """Pixels of the object on a line up to which it passes the object."""
 
@@ -41,20 +42,21 @@ def sectors_of(frames: np.ndarray, spheres: Sequence[Sphere]) -> np.ndarray:
     return sectors
 
 
-def passing_sectors(mask: np.ndarray, frames: np.ndarray) -> np.ndarray:
+def passing_sectors(mask: np.ndarray, frame_counts: np.ndarray) -> np.ndarray:
     """Return the sectors (LIGHT_SECTORS, H, W) bool whose lights reach each pixel past a mask (H, W) bool.
 
-    Where these have fewer than MIN_FRAMES_SHARE of the frames, the sectors that follow are those of lights before which
-    the least of the mask lies.
+    Where these have fewer than MIN_FRAMES_SHARE of the frames, the sectors in whose light the least of the mask stands
+    are added.
 
-    frames: (LIGHT_SECTORS,) int, number of frames of each.
+    frame_counts: (LIGHT_SECTORS,) int, number of frames of each sector.
     """
     crossed = np.stack([_crossed(mask, sector) for sector in range(LIGHT_SECTORS)]).round()
-    crossed[frames == 0] = np.inf
+    crossed[frame_counts == 0] = np.inf
     order = np.argsort(crossed, axis=0, kind="stable")
-    kept = np.cumsum(frames[order], axis=0) - frames[order]
+    # Frames of the sectors that come before each one in the order.
+    kept = np.cumsum(frame_counts[order], axis=0) - frame_counts[order]
     crossed = np.take_along_axis(crossed, order, axis=0)
-    is_passing = ((kept < MIN_FRAMES_SHARE * frames.sum()) | (crossed <= FREE_PX)) & np.isfinite(crossed)
+    is_passing = ((kept < MIN_FRAMES_SHARE * frame_counts.sum()) | (crossed <= FREE_PX)) & np.isfinite(crossed)
     sectors = np.zeros(is_passing.shape, bool)
     np.put_along_axis(sectors, order, is_passing, axis=0)
     return sectors
@@ -63,10 +65,10 @@ def passing_sectors(mask: np.ndarray, frames: np.ndarray) -> np.ndarray:
 def _crossed(mask: np.ndarray, sector: int) -> np.ndarray:
     """Return how many pixels of a mask (H, W) bool lie between each pixel and the light of a sector, (H, W) float32."""
     height, width = mask.shape
-    edge = int(np.ceil(np.hypot(height, width))) + 2
+    side = int(np.ceil(np.hypot(height, width))) + 2
     # In the turned picture the light is on the right.
     turn = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), -360.0 * sector / LIGHT_SECTORS, 1.0)
-    turn[:, 2] += (edge - width) / 2, (edge - height) / 2
-    turned = cv2.warpAffine(mask.astype(np.float32), turn, (edge, edge))
+    turn[:, 2] += (side - width) / 2, (side - height) / 2
+    turned = cv2.warpAffine(mask.astype(np.float32), turn, (side, side))
     beyond = np.cumsum(turned[:, ::-1], axis=1)[:, ::-1] - turned
     return cv2.warpAffine(beyond, turn, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)

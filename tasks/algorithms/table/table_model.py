@@ -12,7 +12,7 @@ import numpy as np
 from glint.tasks.algorithms.table.trimmed_normal import squared_distance, trimmed_normal
 
 TABLE_NEAR_SHARE, MIN_TABLE_NEAR_PX = 0.05, 4.0
-"""Standard deviation of the neighbourhood, as a share of the edge of a square of the object's area and in pixels."""
+"""Standard deviation of the neighbourhood, as a share of the square root of the object's area and in pixels."""
 FAR_FACTOR, MIN_FAR_PX = 4.0, 6.0
 """The same of the wider neighbourhood that is used inside the object: relative to the near one, and in pixels."""
 MIN_NEIGHBOURS = 0.02
@@ -36,9 +36,14 @@ LIMIT_STEP = 0.05
 
 @dataclass(frozen=True, slots=True)
 class TableModel:
-    """mean: (H, W, 2), expected log responses (deviation, flash); covariance: (2, 2); variance: (H, W, 2), local
-    variance relative to that; flash_limit, area_limit: log ratios of a flash to the table's that make a highlight of a
-    pixel, and of an area around it; the latter is infinite where single pixels tell the object from the table."""
+    """The table's log responses, deviation and flash, as a normal distribution.
+
+    mean: (H, W, 2), expected log responses.
+    covariance: (2, 2), of the whole table.
+    variance: (H, W, 2), local variance relative to that.
+    flash_limit, area_limit: log ratios of a flash to the table's that make a highlight of a pixel, and of an area
+        around it; the latter is infinite where single pixels tell the object from the table.
+    """
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -62,19 +67,19 @@ class TableModel:
         return pixels if np.isinf(self.area_limit) else pixels | (_of_areas(excess) > self.area_limit)
 
 
-def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) -> TableModel:
+def fit_table(features: np.ndarray, is_table: np.ndarray, root_area: float | None) -> TableModel:
     """Fit the table's log responses.
 
     Args:
         features: (H, W, 2) float32, log responses.
         is_table: (H, W) bool, pixels of the table.
-        edge: of a square of the object's area, pixels; None: unknown, so one mean holds everywhere.
+        root_area: square root of the object's area, pixels; None: unknown, so one mean holds everywhere.
     """
     mean, covariance = trimmed_normal(features[is_table])
-    if edge is None:
+    if root_area is None:
         means, variance = np.broadcast_to(mean, features.shape), np.ones(features.shape, np.float32)
         return _with_limits(features, is_table, means, covariance, variance)
-    sigma = max(MIN_TABLE_NEAR_PX, TABLE_NEAR_SHARE * edge)
+    sigma = max(MIN_TABLE_NEAR_PX, TABLE_NEAR_SHARE * root_area)
     weight = is_table.astype(np.float32)
     wide, wide_trust = _local_mean(features, weight, max(MIN_FAR_PX, FAR_FACTOR * sigma))
     near, near_trust = _local_mean(features, weight, sigma)

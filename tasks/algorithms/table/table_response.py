@@ -28,9 +28,9 @@ FLASH_SIGMA_PX = 3.0
 
 @dataclass(frozen=True, slots=True)
 class TableNoise:
-    """What residuals of the table amount to: the squares of a constant, and of a share of the brightness.
+    """Noise of the table: the expected square of its residuals is constant + share * brightness^2.
 
-    least: of a residual, levels: rounding hides smaller ones.
+    constant: in square levels. share: without unit. least: levels, below which a residual counts as that large.
     """
 
     constant: float
@@ -39,7 +39,7 @@ class TableNoise:
 
     @classmethod
     def of(cls, values: np.ndarray, level: np.ndarray, border: np.ndarray, least: float) -> "TableNoise":
-        """Fit residuals (H, W) of the table, border (H, W) bool, by its brightness (H, W)."""
+        """Fit the residuals `values` (H, W) of the table's pixels, border (H, W) bool, to its brightness (H, W)."""
         terms = np.column_stack([np.ones(int(border.sum())), level[border] ** 2])
         (constant, share), _ = optimize.nnls(terms, values[border].astype(float) ** 2)
         return cls(float(constant), float(share), least)

@@ -14,8 +14,8 @@ from glint.tasks.algorithms.table.trimmed_normal import squared_distance, trimme
 SCALES_PX = 0.8, 2.0
 """Standard deviations of the smoothing before slopes are taken."""
 TEXTURE_WINDOW_SHARE, MIN_TEXTURE_WINDOW_PX = 0.02, 2.0
-"""Standard deviation of the window over which slopes are averaged, as a share of the edge of a square of the object's
-area, and the least in pixels: smaller objects have too few pixels for a texture."""
+"""Standard deviation of the window over which slopes are averaged, as a share of the square root of the object's area,
+and the least in pixels: smaller objects have too few pixels for a texture."""
 LEAST_SLOPE = 0.003
 """Slope of the log level per pixel that is added: less is no texture."""
 ALTERED_SHARE = 0.5
@@ -28,7 +28,7 @@ MIN_TABLE_PX = 50
 """Pixels of the table without which nothing is known of its texture."""
 
 
-def texture_ratio(background: np.ndarray, is_table: np.ndarray, edge: float) -> np.ndarray:
+def texture_ratio(background: np.ndarray, is_table: np.ndarray, root_area: float) -> np.ndarray:
     """Return the evidence (H, W) that the background at a pixel is not the bare table, log Bayes factor in nats.
 
     The share u of the table's pixels whose texture is as unlike its mean is uniform on the table; where the texture is
@@ -38,9 +38,9 @@ def texture_ratio(background: np.ndarray, is_table: np.ndarray, edge: float) -> 
     Args:
         background: (H, W), 0 to 255.
         is_table: (H, W) bool, pixels of the table around the object.
-        edge: of a square of the object's area, pixels.
+        root_area: square root of the object's area, pixels.
     """
-    window = TEXTURE_WINDOW_SHARE * edge
+    window = TEXTURE_WINDOW_SHARE * root_area
     if is_table.sum() < MIN_TABLE_PX or window < MIN_TEXTURE_WINDOW_PX:
         return np.zeros(background.shape)
     texture = _texture(background, window)

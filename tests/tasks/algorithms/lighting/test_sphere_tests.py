@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import Cone, view_vectors
-from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, is_chrome
+from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, reason_against_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
 
@@ -30,15 +30,15 @@ def swept(*, radii_deg: tuple[float, ...], window: bool = False) -> np.ndarray:
 
 
 def test_a_highlight_of_one_size_is_that_of_a_chrome_sphere() -> None:
-    assert is_chrome(swept(radii_deg=(6.0,)), SPHERE) is None
+    assert reason_against_chrome(swept(radii_deg=(6.0,)), SPHERE) is None
 
 
 def test_a_highlight_that_a_window_hides_in_part_is_no_other_size() -> None:
-    assert is_chrome(swept(radii_deg=(6.0,), window=True), SPHERE) is None
+    assert reason_against_chrome(swept(radii_deg=(6.0,), window=True), SPHERE) is None
 
 
 def test_a_highlight_that_grows_is_that_of_glass() -> None:
-    reason = is_chrome(swept(radii_deg=(6.0, 6.0, 6.0, 12.0)), SPHERE)
+    reason = reason_against_chrome(swept(radii_deg=(6.0, 6.0, 6.0, 12.0)), SPHERE)
     assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
 
 
@@ -54,16 +54,18 @@ def with_glints(frames: np.ndarray, *, azimuths: tuple[float, ...], interval: in
 
 
 def test_small_highlights_mirrored_from_the_object_beside_are_no_other_size() -> None:
-    assert is_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0)), SPHERE) is None
+    assert reason_against_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0)), SPHERE) is None
 
 
 def test_small_highlights_on_all_sides_are_those_of_glass() -> None:
-    reason = is_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(0.0, 90.0, 180.0, 270.0)), SPHERE)
+    reason = reason_against_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(0.0, 90.0, 180.0, 270.0)), SPHERE)
     assert reason == "its highlight has another size in 6 of 32 frames, as that of glass has"
 
 
 def test_small_highlights_in_many_frames_are_those_of_glass() -> None:
-    reason = is_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0), interval=4), SPHERE)
+    reason = reason_against_chrome(
+        with_glints(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0), interval=4), SPHERE
+    )
     assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
 
 
@@ -77,19 +79,19 @@ def with_second_highlights(frames: np.ndarray, *, azimuths: tuple[float, ...]) -
 
 def test_second_highlights_mirrored_from_the_object_beside_are_no_lights() -> None:
     frames = with_second_highlights(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0))
-    assert is_chrome(frames, SPHERE) is None
+    assert reason_against_chrome(frames, SPHERE) is None
 
 
 def test_second_highlights_on_all_sides_are_those_of_glass() -> None:
     frames = with_second_highlights(swept(radii_deg=(6.0,)), azimuths=(0.0, 90.0, 180.0, 270.0))
-    reason = is_chrome(frames, SPHERE)
+    reason = reason_against_chrome(frames, SPHERE)
     assert reason is not None and reason.endswith("of 32 frames show two lights on it, as glass does")
 
 
 def test_one_frame_of_another_size_proves_nothing() -> None:
     frames = swept(radii_deg=(6.0,))
     frames[:1] = swept(radii_deg=(12.0,))[:1]
-    assert is_chrome(frames, SPHERE) is None
+    assert reason_against_chrome(frames, SPHERE) is None
 
 
 def test_spheres_on_both_sides_of_a_near_camera_agree_under_its_matrix() -> None:
