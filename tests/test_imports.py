@@ -28,8 +28,8 @@ ORDER = {
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview questions published labelling facets faces prisms frames"
-        " mask_checks masks table revolution silhouettes continuation prior sheets meshing candidates integration"
-        " near_light sphere_checks lighting geometry errors"
+        " mask_checks masks table vessels revolution silhouettes continuation prior sheets meshing candidates"
+        " integration near_light sphere_checks lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

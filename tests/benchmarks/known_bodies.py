@@ -20,8 +20,9 @@ from glint.tasks.algorithms.evaluation.metrics import depth_errors
 from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.contour_margin import with_margin
-from glint.tasks.algorithms.revolution import rotational_normals, symmetry
+from glint.tasks.algorithms.revolution import symmetry
 from glint.tasks.algorithms.revolution.symmetry import FitLimits
+from glint.tasks.algorithms.vessels import body_normals
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
@@ -62,7 +63,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     assert capture.truth is not None
     truth = read_truth(capture.truth, mask.shape).depth
     assert truth is not None
-    with patch.object(rotational_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
+    with patch.object(body_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
         result = reconstruct(view, parameters.labels, parameters.silhouette)
     camera = view.camera
     distance = 1.0 if camera is None else areal_focal_length(camera)

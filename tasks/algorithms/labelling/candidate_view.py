@@ -19,9 +19,9 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
-from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
+from glint.tasks.algorithms.vessels.rotational_normals import RotationalSymmetry
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
+from glint.tasks.algorithms.vessels.handles import handles_beside, with_handles
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:

@@ -4,9 +4,10 @@ import pytest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.multiview.view import rotation_about_y
-from glint.tasks.algorithms.revolution.rotational_normals import COMPLETED_LIMITS, IMPERFECT_LIMITS, RotationalSymmetry
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
 from glint.tasks.algorithms.revolution.symmetry import surface_of_revolution_normals
+from glint.tasks.algorithms.vessels.body_normals import COMPLETED_LIMITS, IMPERFECT_LIMITS
+from glint.tasks.algorithms.vessels.rotational_normals import RotationalSymmetry
 from tests.tasks.algorithms.revolution.beaker import (
     beaker_normals,
     bowl_on_stem,
