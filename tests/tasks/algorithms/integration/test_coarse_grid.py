@@ -45,6 +45,20 @@ def test_a_height_of_a_coarse_grid_is_that_of_its_pixels_at_twice_the_resolution
     assert np.allclose(height[1:, 1:-1], (3.0 * rows - columns)[1:, 1:-1])
 
 
+def test_a_height_goes_on_beyond_its_mask_as_it_is_nearby() -> None:
+    mask = np.zeros((6, 6), bool)
+    mask[:, :3] = True
+    assert np.allclose(doubled(np.where(mask, 5.0, np.nan), mask, (12, 12)), 10.0)
+
+
+def test_the_centre_of_a_block_is_that_of_its_four_pixels() -> None:
+    camera = np.array([[300.0, 4.0, 31.0], [0.0, 280.0, 25.0], [0.0, 0.0, 1.0]])
+    coarse = halved(NormalGrid(np.ones((4, 4, 3)), np.ones((4, 4), bool), np.ones((4, 4)), camera)).camera
+    assert coarse is not None
+    rays = [np.linalg.solve(matrix, place) for matrix, place in ((camera, (2.5, 0.5, 1.0)), (coarse, (1.0, 0.0, 1.0)))]
+    assert np.allclose(*rays)
+
+
 def test_the_coarse_grid_of_a_perspective_plane_is_that_plane() -> None:
     camera = np.array([[300.0, 0.0, 31.0], [0.0, 280.0, 25.0], [0.0, 0.0, 1.0]])
     normal = from_gradients(np.array(0.4), np.array(-0.2))
