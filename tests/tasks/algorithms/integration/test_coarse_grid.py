@@ -27,6 +27,14 @@ def test_blocks_have_the_mean_normal_of_what_is_known_inside_the_mask() -> None:
     assert coarse.weight[0, 0] == 0.5 and coarse.weight[0, 2] == 1.0 and np.isfinite(coarse.normals).all()
 
 
+def test_what_lies_outside_the_mask_adds_nothing_to_a_block() -> None:
+    normals, mask = np.tile([0.0, 0.0, 1.0], (2, 2, 1)), np.array([[True, True], [False, False]])
+    normals[1] = 1.0, 0.0, 0.0
+    coarse = halved(NormalGrid(normals, mask, np.array([[0.2, 0.4], [1.0, 1.0]]), None))
+    assert coarse.mask[0, 0] and coarse.weight[0, 0] == pytest.approx(0.3)
+    assert np.allclose(coarse.normals[0, 0], [0.0, 0.0, 1.0])
+
+
 def test_the_depth_of_a_block_is_its_nearest() -> None:
     body = np.array([[1.0, 3.0, np.nan], [np.nan, 2.0, np.nan], [4.0, -5.0, -6.0]])
     mask = np.ones((3, 3), bool)
