@@ -51,7 +51,6 @@ def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndar
     if count == 0:
         return differing
     seeds = np.bincount(components.ravel(), (flashing & differing).ravel(), minlength=count + 1)
-    seeds[0] = 0
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
     seeds = np.where(along_edge > MAX_ALONG_EDGE_RATIO * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)

@@ -33,7 +33,7 @@ def geometry(focal: float | None = None, x: float = 500.0, y: float = 375.0) -> 
 
 
 def test_a_camera_beside_a_single_sphere_may_be_as_near_as_the_light() -> None:
-    vectors = np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1))
+    vectors = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (4, 1))
     lights = Lights(vectors, vectors, np.zeros(4, np.uint8), np.ones(4, np.float32), np.full(4, np.nan, np.float32))
     least = LEAST_FOCAL_WIDTHS * WIDTH
     for distance, focal, is_near in (

@@ -68,7 +68,7 @@ def test_a_region_lies_inside_the_frame_and_can_hold_an_object() -> None:
 
 def test_a_focal_length_is_in_pixels() -> None:
     def camera(focal_x: float, focal_y: float) -> Camera:
-        return Camera(matrix=[[focal_x, 0.0, 39.5], [0.0, focal_y, 29.5], [0.0, 0.0, 1.0]])
+        return Camera(matrix=((focal_x, 0.0, 39.5), (0.0, focal_y, 29.5), (0.0, 0.0, 1.0)))
 
     least = MIN_FOCAL_SHARE * 80
     check_camera(None, SIZE)

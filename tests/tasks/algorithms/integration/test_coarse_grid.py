@@ -63,8 +63,10 @@ def test_the_centre_of_a_block_is_that_of_its_four_pixels() -> None:
     camera = np.array([[300.0, 4.0, 31.0], [0.0, 280.0, 25.0], [0.0, 0.0, 1.0]])
     coarse = halved(NormalGrid(np.ones((4, 4, 3)), np.ones((4, 4), bool), np.ones((4, 4)), camera)).camera
     assert coarse is not None
-    rays = [np.linalg.solve(matrix, place) for matrix, place in ((camera, (2.5, 0.5, 1.0)), (coarse, (1.0, 0.0, 1.0)))]
-    assert np.allclose(*rays)
+    fine_ray, coarse_ray = (
+        np.linalg.solve(matrix, place) for matrix, place in ((camera, (2.5, 0.5, 1.0)), (coarse, (1.0, 0.0, 1.0)))
+    )
+    assert np.allclose(fine_ray, coarse_ray)
 
 
 def test_the_coarse_grid_of_a_perspective_plane_is_that_plane() -> None:
