@@ -105,9 +105,7 @@ class FacetedBody:
         """Return z (N,) in pixels of the faces (N,) at image positions x, y (N,), up to a constant for all."""
         points = np.column_stack([x, y, np.zeros(len(x))])
         rays = to_camera_directions(x, y, self.inverse_focal)
-        # The end of a part on the axis has no corners apart.
-        wider = self._parts + (self.apothems[self._parts + 1] > self.apothems[self._parts])
-        anchors, normals = self._points[wider, self._sides][faces], self.normals[faces]
+        anchors, normals = self._points[self._parts, self._sides][faces], self.normals[faces]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(((anchors - points) * normals).sum(axis=1) / (rays * normals).sum(axis=1))
 

@@ -69,7 +69,8 @@ def inscribed_polygons(contour: AxisRays, polygon: RegularPolygon, step: float) 
     apothems = _least_apothems(heights, starts @ outward.T, slopes @ outward.T)
     # A polygon that is seen nearly edge-on passes between two points of the contour.
     heights_met, sides_met = contour_crossings(contour, heights, step)
-    depth = polygon.circumradius * float(apothems.max()) * float(np.abs(contour.directions[:, 2]).max())
+    # Beyond the body's ends rays meet planes far away, so its own width tells how high the image is.
+    depth = float(np.abs(sides_met).max(initial=0.0)) * float(np.abs(contour.directions[:, 2]).max())
     if depth < EDGE_ON_PX:
         # The corners at both sides are seen where the contour crosses the height.
         left, right = -1.0 / polygon.corners[:, 0].min(), 1.0 / polygon.corners[:, 0].max()

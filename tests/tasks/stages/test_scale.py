@@ -39,6 +39,21 @@ def test_a_given_radius_holds_unless_the_measured_one_differs_by_more_than_it_is
     assert scale.pixel_size == pytest.approx(25.0 / (2.0 * (measured if is_used else 20.0)))
 
 
+def test_under_perspective_the_scale_is_that_of_the_plane_through_the_spheres_centre() -> None:
+    focal, centre, radius_mm = 800.0, np.array([350.0, -220.0, 1000.0]), 12.5
+    camera = np.array([[focal, 0.0, 500.0], [0.0, focal, 300.0], [0.0, 0.0, 1.0]])
+    # The contour: rays at the sphere's angular radius about its centre.
+    axis, sine = centre / np.linalg.norm(centre), radius_mm / np.linalg.norm(centre)
+    across = np.cross(axis, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(axis, [0.0, 1.0, 0.0]))
+    turns = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)[:, None]
+    rays = np.sqrt(1.0 - sine**2) * axis + sine * (np.cos(turns) * across + np.sin(turns) * np.cross(axis, across))
+    x, y = (focal * rays[:, :2] / rays[:, 2:] + camera[:2, 2]).T
+    area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+    seen = Sphere(float(x.mean()), float(y.mean()), float(np.sqrt(area / np.pi)))
+    given = models.Sphere(x=seen.x, y=seen.y, radius=seen.radius, diameter_mm=2.0 * radius_mm)
+    assert scale_of(None, [given], [seen], camera).pixel_size == pytest.approx(centre[2] / focal, rel=1e-3)
+
+
 def test_scales_that_agree_are_averaged_without_a_warning() -> None:
     scale = scale_of(None, *spheres((30.0, 25.0), (20.0, 17.0)), None)
     assert scale.pixel_size == pytest.approx((25 / 60 + 17 / 40) / 2) and not scale.warnings

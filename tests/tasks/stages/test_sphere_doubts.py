@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.lighting.lights import ACCEPTED, Lights
+from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
 from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
@@ -42,6 +42,28 @@ def test_of_two_spheres_the_worse_one_is_named() -> None:
     spheres = [Sphere(10.0, 20.0, 40.0, 1.0, 2.0, 2.0), Sphere(30.0, 50.0, 40.0, 0.3, 3.0, 3.0)]
     (warning,) = sphere_doubts(spheres, LIGHTS, is_near=False)
     assert warning.message.startswith("the contour of the chrome sphere at (30.0, 50.0) is known to 7.5% of its radius")
+
+
+@pytest.mark.parametrize(("behind", "is_told"), [(9, False), (12, True)])
+def test_many_highlights_near_the_contour_tell_of_a_circle_inside_the_sphere(behind: int, is_told: bool) -> None:
+    reason = np.where(np.arange(100) < behind, BEHIND, ACCEPTED).astype(np.uint8)
+    vectors, unknown = np.tile(HALF_VECTORS[:1], (100, 1)), np.full(100, np.nan, np.float32)
+    warnings = sphere_doubts(
+        [Sphere(0.0, 0.0, 40.0)], Lights(vectors, vectors, reason, unknown, unknown), is_near=False
+    )
+    assert [f"{behind}% of the highlights" in warning.message for warning in warnings] == [True] * is_told
+
+
+@pytest.mark.parametrize(("angle", "is_near", "is_told"), [(1.5, False, True), (1.5, True, False), (0.5, False, False)])
+def test_spheres_that_disagree_are_told_unless_a_near_light_explains_it(
+    angle: float, is_near: bool, is_told: bool
+) -> None:
+    lights = replace(LIGHTS, inter_sphere_angle=np.full(2, angle, np.float32))
+    spheres = [Sphere(0.0, 0.0, 40.0), Sphere(200.0, 0.0, 40.0)]
+    warnings = sphere_doubts(spheres, lights, is_near=is_near)
+    assert ["disagree on the half vectors by 3.0 degrees" in warning.message for warning in warnings] == [
+        True
+    ] * is_told
 
 
 def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere() -> None:

@@ -1,5 +1,7 @@
 """Faceted bodies as the camera sees them: faces, their normals and depths, and creases."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from tests.tasks.algorithms.facets.bottle import BODY, render_bottle
+from tests.tasks.algorithms.facets.bottle import BODY, NECK_RADIUS, NECK_TOP, render_bottle
 from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, SHAPE, Block
 
 FRUSTUM = Block(lean=12.0)
@@ -48,6 +50,14 @@ def test_a_neck_stands_on_its_shoulder() -> None:
     seen = mask & (faces >= 0)
     difference = body.depths(x[seen], y[seen], faces[seen]) - depths[seen]
     assert np.median(np.abs(difference - np.median(difference))) < 1.5
+
+
+def test_a_neck_hides_the_shoulder_behind_it() -> None:
+    neck = replace(BODY, radius=NECK_RADIUS, half_height=NECK_TOP, lean=0.0)
+    front, upper = (np.nan_to_num(block.render()[1], nan=-np.inf) for block in (BODY, neck))
+    truth, depths = render_bottle()
+    error = angles(normals_shown(body_of(np.isfinite(depths), BODY.slope)), truth)
+    assert np.nanmean(error[upper > front]) < 15.0
 
 
 def test_depths_lie_in_the_planes_of_their_faces() -> None:

@@ -33,6 +33,25 @@ def test_polygons_inside_the_contour_of_a_block_are_its_sections(slope: float, i
     assert (apothems < block.radius + 1.5)[np.abs(heights) < block.half_height].all()
 
 
+@pytest.mark.parametrize("slope", [0.1, 0.3, 0.8])
+def test_of_polygons_seen_edge_on_the_corners_touch_the_contour(slope: float) -> None:
+    block = Block(slope=slope)
+    contour = silhouette_contour(np.isfinite(block.render()[1]))
+    frame = Placement(0.0, 0.0, np.radians(slope), HEXAGON).frame(0.0, np.zeros(2), 1)
+    heights, apothems = inscribed_polygons(frame.rays(*contour.T), HEXAGON, 1.0)
+    inside = np.abs(heights) < 0.8 * block.half_height
+    assert np.abs(apothems[inside] - block.radius).max() < 0.2
+
+
+def test_a_polygon_ends_edge_on_at_the_side_that_faces_away_most() -> None:
+    tilts = np.array([0.3, -0.3])
+    # A triangle with a side towards the camera; the others face away by 60 degrees.
+    towards, away = (RegularPolygon(3, turn).edge_on_tilts(tilts) for turn in (0.0, np.pi))
+    assert np.allclose(np.tan(towards), np.tan(tilts) / [0.5, 1.0])
+    assert np.allclose(np.tan(away), np.tan(tilts) / [1.0, 0.5])
+    assert np.allclose(RegularPolygon(4, 0.0).edge_on_tilts(tilts), tilts)
+
+
 def test_a_profile_ends_flat_where_its_sections_are_seen_edge_on() -> None:
     heights = np.arange(-40.0, 61.0)
     tilt = np.radians(30.0)

@@ -81,3 +81,24 @@ def test_neighbours_lie_to_either_side() -> None:
     assert placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(6, 0.2 + np.pi / 3.0)))
     assert not placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(6, 0.2 + np.pi / 6.0)))
     assert not placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(5, 0.2)))
+    assert not placement.is_near(Placement(0.1, 2.0, 0.5 + np.radians(11.0), RegularPolygon(6, 0.2)))
+    assert not placement.is_near(Placement(0.1 + np.radians(1.1), 2.0, 0.5, RegularPolygon(6, 0.2)))
+
+
+def test_a_coarser_image_has_the_same_axis_in_its_own_pixels() -> None:
+    placement = Placement(0.3, 20.0, 0.5, RegularPolygon(6, 0.2))
+    middle = np.array([3.0, -4.0])
+    frame = placement.frame(1.0 / 450.0, middle, 2)
+    assert (2.0 * frame.point + middle) @ placement.axis.normal == pytest.approx(20.0)
+    assert frame.inverse_focal == 1.0 / 450.0
+
+
+def test_the_end_of_a_body_gives_its_polygon_no_turn() -> None:
+    mask = np.isfinite(render_bottle()[1])
+    without, tried = (
+        [placement.tilt for placement in placements_about_axis(mask, faces)] for faces in ([], [BODY.normals[0]])
+    )
+    unchanged = np.degrees([tilt for tilt in set(without) if tried.count(tilt) == without.count(tilt)])
+    # About axes within 26 degrees of its normal the face is an end, about others it would be a side.
+    assert len(unchanged) > 3 and np.abs(np.abs(unchanged) - BODY.slope).max() < 26.0
+    assert len(np.unique(np.sign(unchanged))) == 1

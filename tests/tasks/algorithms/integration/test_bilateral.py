@@ -157,6 +157,24 @@ def test_confidence_decides_between_true_and_false_normals() -> None:
         assert np.abs(deviation(weighed.depth, truth, mask & ~false)).mean() < 0.2 * blind
 
 
+def test_the_energy_is_a_mean_over_the_mask_and_confidences_are_relative() -> None:
+    normals, mask, _ = sphere(41, 20.0, 0.8)
+    normals = np.where(mask[..., None], normals, [0.0, 0.0, 1.0])
+    normals += 0.05 * np.random.default_rng(0).normal(size=normals.shape)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    confidence = np.where(np.arange(41) > 20, 0.5, 1.0) * np.ones((41, 41))
+    single = integrate(normals, mask, confidence=confidence, method="least-squares")
+    gap = np.zeros((41, 60), bool)
+    pair = integrate(
+        np.hstack([normals, np.zeros((41, 60, 3)), normals]),
+        np.hstack([mask, gap, mask]),
+        confidence=np.hstack([confidence, gap, confidence]) / 1e5,
+        method="least-squares",
+    )
+    assert single.energy > 1e-4 and pair.energy == pytest.approx(single.energy, rel=1e-3)
+    assert np.allclose(pair.depth[:, :41][mask], single.depth[mask], atol=1e-2)
+
+
 def test_pixels_of_little_weight_hardly_choose_between_their_sides() -> None:
     mask = np.ones((1, 3), bool)
     height = np.array([[0.0, 0.0, 2.0]])

@@ -27,6 +27,14 @@ def test_blocks_have_the_mean_normal_of_what_is_known_inside_the_mask() -> None:
     assert coarse.weight[0, 0] == 0.5 and coarse.weight[0, 2] == 1.0 and np.isfinite(coarse.normals).all()
 
 
+def test_what_lies_outside_the_mask_adds_nothing_to_a_block() -> None:
+    normals, mask = np.tile([0.0, 0.0, 1.0], (2, 2, 1)), np.array([[True, True], [False, False]])
+    normals[1] = 1.0, 0.0, 0.0
+    coarse = halved(NormalGrid(normals, mask, np.array([[0.2, 0.4], [1.0, 1.0]]), None))
+    assert coarse.mask[0, 0] and coarse.weight[0, 0] == pytest.approx(0.3)
+    assert np.allclose(coarse.normals[0, 0], [0.0, 0.0, 1.0])
+
+
 def test_the_depth_of_a_block_is_its_nearest() -> None:
     body = np.array([[1.0, 3.0, np.nan], [np.nan, 2.0, np.nan], [4.0, -5.0, -6.0]])
     mask = np.ones((3, 3), bool)
@@ -43,6 +51,22 @@ def test_a_height_of_a_coarse_grid_is_that_of_its_pixels_at_twice_the_resolution
     coarse = (3.0 * (2 * coarse_rows + 0.5) - (2 * coarse_columns + 0.5)) / 2.0
     height = doubled(np.where(mask, coarse, np.nan), mask, (7, 9))
     assert np.allclose(height[1:, 1:-1], (3.0 * rows - columns)[1:, 1:-1])
+
+
+def test_a_height_goes_on_beyond_its_mask_as_it_is_nearby() -> None:
+    mask = np.zeros((6, 6), bool)
+    mask[:, :3] = True
+    assert np.allclose(doubled(np.where(mask, 5.0, np.nan), mask, (12, 12)), 10.0)
+
+
+def test_the_centre_of_a_block_is_that_of_its_four_pixels() -> None:
+    camera = np.array([[300.0, 4.0, 31.0], [0.0, 280.0, 25.0], [0.0, 0.0, 1.0]])
+    coarse = halved(NormalGrid(np.ones((4, 4, 3)), np.ones((4, 4), bool), np.ones((4, 4)), camera)).camera
+    assert coarse is not None
+    fine_ray, coarse_ray = (
+        np.linalg.solve(matrix, place) for matrix, place in ((camera, (2.5, 0.5, 1.0)), (coarse, (1.0, 0.0, 1.0)))
+    )
+    assert np.allclose(fine_ray, coarse_ray)
 
 
 def test_the_coarse_grid_of_a_perspective_plane_is_that_plane() -> None:

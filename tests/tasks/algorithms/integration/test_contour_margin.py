@@ -44,6 +44,27 @@ def test_a_flat_plate_stays_flat_and_a_thin_wire_as_it_is() -> None:
     assert np.array_equal(repaired, height) and not extrapolated.any()
 
 
+def test_a_strip_stays_flat_though_its_margins_meet_the_samples() -> None:
+    strip = np.zeros((40, 40), bool)
+    strip[16:23] = True
+    for level in (-3.0, 3.0):
+        height, extrapolated = with_margin(np.full((40, 40), level), strip)
+        assert extrapolated.any() and np.allclose(height[strip], level)
+
+
+def test_a_dish_does_not_rise_towards_its_contour() -> None:
+    _, mask, distance = ball(30.4)
+    repaired, extrapolated = with_margin(-2.0 * distance, mask)
+    assert np.abs(repaired[extrapolated] + 2.0 * 3.0).max() < 1.0
+
+
+def test_the_edge_of_the_array_is_no_contour() -> None:
+    _, mask, _ = ball(30.4)
+    cropped = mask[mask.shape[0] // 2 :]
+    distance = contour_of(cropped).distance
+    assert distance[0, cropped.shape[1] // 2] > 4.0 and contour_of(np.ones((20, 20), bool)).distance.min() > 4.0
+
+
 def test_a_rise_is_at_most_that_of_the_largest_circle() -> None:
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10:50] = True

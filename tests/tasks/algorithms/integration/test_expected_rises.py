@@ -1,10 +1,12 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.integration.edges import GridEdges, grid_edges
 from glint.tasks.algorithms.integration.expected_rises import (
     LEAST_NOISE,
     curl_evidence,
     expected_rises,
+    largest_misfit,
     normal_evidence,
     robust_weights,
 )
@@ -41,6 +43,25 @@ def test_lines_of_curl_are_evidence_along_a_step_and_nowhere_else() -> None:
     assert significance[1, 15:35, border].min() > 10.0
     assert significance[1, :, border - 8].max() < 6.0
     assert np.median(significance[0]) < 3.0
+
+
+def test_the_curl_of_uncertain_normals_is_less_evidence() -> None:
+    edges = edges_of(with_noise(stairs(32, 0.2), 1.0))
+    certain, uncertain = (
+        curl_evidence(changed, expected_rises(changed), (2, 4))
+        for changed in (edges, edges._replace(weight=np.full((32, 32), 0.5)))
+    )
+    assert np.allclose(uncertain, 0.25 * certain)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("place", [1, 15])
+def test_the_largest_misfit_is_in_standard_deviations_along_either_axis(axis: int, place: int) -> None:
+    rises = expected_rises(edges_of(stairs(16, 0.0)))
+    step = np.where(np.arange(16) < place, 0.0, -2.0)
+    height = step[:, None] * np.ones(16) if axis == 0 else np.ones((16, 1)) * step
+    assert largest_misfit(rises, height) == pytest.approx(2.0 * np.sqrt(rises.precision.max()))
+    assert largest_misfit(rises, np.ones((16, 16))) == 0.0
 
 
 def test_creases_are_changes_of_the_normal_and_curvature_is_none() -> None:

@@ -6,6 +6,7 @@ from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.expected_rises import expected_rises, poisson_source, robust_weights
 from glint.tasks.algorithms.integration.graduation import (
     MISFIT_SCALE,
+    SHRINKING,
     change,
     graduated,
     least_squares,
@@ -14,6 +15,7 @@ from glint.tasks.algorithms.integration.graduation import (
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
 from glint.tasks.algorithms.integration.search_limits import TOLERANCE_PX, SearchLimits
 from tests.benchmarks.integration_scenes import pleats, with_noise
+from tests.benchmarks.integration_sheets import stairs
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0])
@@ -30,3 +32,12 @@ def test_a_height_that_has_converged_hardly_moves_if_its_last_round_is_solved_on
     height = solve_poisson(weights, poisson_source(weights, rises.mean), solution.height, tolerance=1e-9)[0]
     height -= np.median((height - solution.height)[scene.mask])
     assert change(height, solution.height, scene.mask) < 2.0 * TOLERANCE_PX
+
+
+def test_a_height_that_does_not_change_is_kept_only_at_the_final_scale() -> None:
+    scene = stairs(24, 0.0)
+    edges = grid_edges(scene.normals, scene.mask, np.ones(scene.mask.shape), scene.camera, 0.01)
+    rises = expected_rises(edges)
+    start, softness = least_squares(edges).height, np.ones((2, *rises.mean.shape))
+    solution = graduated(rises, softness, scene.mask, start, MISFIT_SCALE / SHRINKING**2.5, SearchLimits())
+    assert solution.converged and solution.rounds == 4

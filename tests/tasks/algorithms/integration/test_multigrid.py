@@ -144,3 +144,14 @@ def test_a_pull_holds_values_and_leaves_no_constant_free() -> None:
     solution, _, converged = solve_poisson(weights, source, np.zeros(mask.shape), pull=pull, tolerance=1e-8)
     held = np.isin(ndimage.label(mask)[0], np.unique(ndimage.label(mask)[0][pull > 0.0]))
     assert converged and np.abs(solution - truth)[held].max() < 1e-4
+
+
+@pytest.mark.parametrize("pull", [0.0, 1e-3, 0.1])
+def test_few_iterations_are_enough_however_large_the_grid_and_strong_the_pull(pull: float) -> None:
+    source = np.random.default_rng(0).normal(size=(200, 200))
+    weights = np.ones((2, 200, 200))
+    weights[0, -1], weights[1, :, -1] = 0.0, 0.0
+    _, iterations, converged = solve_poisson(
+        weights, source - source.mean(), np.zeros((200, 200)), pull=np.full((200, 200), pull)
+    )
+    assert converged and iterations < 15

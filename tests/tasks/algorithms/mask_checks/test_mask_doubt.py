@@ -74,6 +74,31 @@ def test_the_inner_side_of_a_thin_wall_is_no_contour(pixels: int, kinds: list[st
     assert [objection.kind for objection in objections] == kinds
 
 
+def drawn(mask: np.ndarray, cover: np.ndarray, blur: float = 0.8, estimated: bool = False) -> list[Objection]:
+    """Objections to a mask in the middle of a picture whose levels rise by 40 where an object covers it."""
+    noise = np.random.default_rng(0).normal(0.0, 1.0, (2, *mask.shape))
+    levels = cv2.GaussianBlur(90.0 + 40.0 * cover, (0, 0), blur) + noise
+    everywhere = np.ones(mask.shape, bool)
+    return mask_objections(mask, levels[0], levels[1] + 20.0, free=everywhere, estimated=estimated, edges=~everywhere)
+
+
+def round_object(radius: float) -> np.ndarray:
+    """Return which share (160, 160) of each pixel a disc in the middle covers."""
+    down, right = np.mgrid[:160, :160] - 80.0
+    return np.clip(radius + 0.5 - np.hypot(down, right), 0.0, 1.0)
+
+
+def test_a_contour_two_pixels_off_is_noticed_however_blurred_the_edge() -> None:
+    (objection,) = drawn(round_object(52.0) > 0.5, round_object(50.0), blur=1.3)
+    assert objection.kind == "too large" and objection.offset == -2.0
+
+
+def test_a_much_stronger_edge_inside_counts_more_than_a_line_outside() -> None:
+    line = round_object(55.0) - round_object(54.0)
+    (objection,) = drawn(round_object(50.0) > 0.5, round_object(46.0) + 0.3 * line)
+    assert objection.kind == "too large" and objection.offset == -4.0
+
+
 @pytest.mark.parametrize("rows", [slice(0, 90), slice(90, 180)])
 def test_highlights_go_on_beyond_a_mask_that_lacks_half_of_the_object(disc: GlassScene, rows: slice) -> None:
     half = disc.mask.copy()
@@ -123,6 +148,74 @@ def test_an_object_that_the_frame_cuts_is_doubtful_there(disc: GlassScene) -> No
     objections = objections_to(disc, disc.mask, crop=60)
     cut = next(objection for objection in objections if objection.kind == "cut")
     assert cut.y == 0 and cut.share > 0.1
+
+
+def test_an_object_that_touches_the_edge_of_the_frame_is_not_cut_and_needs_no_highlights_there() -> None:
+    mask = np.zeros((160, 160), bool)
+    mask[60:160, 30:130] = True
+    edges = np.zeros(mask.shape, bool)
+    edges[0] = edges[-1] = True
+    background = np.where(mask, 60.0, 120.0)
+    rows, columns = np.indices(mask.shape)
+    peak = np.where(
+        mask & ((rows < 66) | (columns < 36) | (columns > 123)) & ((rows + columns) % 4 == 0), 250.0, background
+    )
+    everywhere = np.ones(mask.shape, bool)
+    objections = mask_objections(mask, background, peak, free=everywhere, estimated=True, edges=edges)
+    assert [objection.kind for objection in objections] == ["cut"]
+    mask[150:, :77], mask[150:, 79:] = False, False
+    objections = mask_objections(mask, background, peak, free=everywhere, estimated=False, edges=edges)
+    assert "cut" not in {objection.kind for objection in objections}
+
+
+def test_what_rises_by_a_few_levels_is_no_highlight() -> None:
+    mask = round_object(50.0) > 0.5
+    background = np.where(mask, 60.0, 120.0)
+    rows, columns = np.indices(mask.shape)
+    for rise, kinds in ((8.0, {"unsupported"}), (100.0, set())):
+        peak = background + np.where(mask & ((rows + columns) % 4 == 0), rise, 0.0)
+        everywhere = np.ones(mask.shape, bool)
+        objections = mask_objections(mask, background, peak, free=everywhere, estimated=True, edges=~everywhere)
+        assert {objection.kind for objection in objections} == kinds
+
+
+@pytest.mark.parametrize(
+    ("rise", "count", "share", "kinds"), [(2.0, 4, 1.0, []), (40.0, 96, 1.0, ["too small"]), (40.0, 48, 0.3, [])]
+)
+def test_highlights_beyond_a_contour_count_if_they_are_dense_along_much_of_it(
+    rise: float, count: int, share: float, kinds: list[str]
+) -> None:
+    """An object that shows no highlights itself, with so many beside a share of its contour."""
+    cover, noise = round_object(50.0), np.random.default_rng(0).normal(0.0, 1.0, (2, 160, 160))
+    background, peak = 90.0 + rise * cover + noise[0], 110.0 + rise * cover + noise[1]
+    turns, distance = 0.2 + 2.0 * np.pi * share * np.arange(count) / count, 53.5 + np.arange(count) % 2
+    rows, columns = (np.rint(80.0 + distance * part(turns)).astype(int) for part in (np.sin, np.cos))
+    peak[rows, columns] = 180.0
+    everywhere = np.ones(cover.shape, bool)
+    objections = mask_objections(cover > 0.5, background, peak, free=everywhere, estimated=False, edges=~everywhere)
+    assert [objection.kind for objection in objections] == kinds
+    assert all(objection.offset == 0.0 for objection in objections)
+
+
+def test_pieces_that_nothing_joins_have_no_neck() -> None:
+    mask = np.zeros((160, 160), bool)
+    mask[30:80, 20:70], mask[30:80, 90:140] = True, True
+    nothing, levels = np.zeros(mask.shape, bool), np.full(mask.shape, 60.0)
+    for end, has_neck in ((80, False), (90, True)):
+        mask[54:56, 70:end] = True
+        objections = mask_objections(mask, levels, levels, free=~nothing, estimated=True, edges=nothing)
+        assert ("neck" in {objection.kind for objection in objections}) == has_neck
+
+
+def test_doubts_of_several_pieces_add_up() -> None:
+    mask = round_object(50.0) > 0.5
+    columns = np.indices(mask.shape)[1]
+    left, right = mask & (columns < 36), mask & (columns > 124)
+    objections = [Objection("neck", 0.1, 0.0, 0.0, 0.0, 0.5, left), Objection("ragged", 0.1, 0.0, 0.0, 0.0, 0.4, right)]
+    doubt = doubt_of(mask, objections)
+    assert doubt[left] == pytest.approx(0.5, abs=0.02) and doubt[right] == pytest.approx(0.4, abs=0.02)
+    both = [Objection("neck", 0.1, 0.0, 0.0, 0.0, 0.5, left)] * 2
+    assert doubt_of(mask, both)[left] == pytest.approx(0.75, abs=0.02)
 
 
 def test_an_inverted_mask_and_one_of_the_whole_picture_are_told_from_an_object_at_the_edge(disc: GlassScene) -> None:

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.masks.mask_regions import handle_openings, object_sizes
+from glint.tasks.algorithms.masks.mask_regions import (
+    CLOSE_SHARE,
+    closed,
+    filled,
+    handle_openings,
+    main_components,
+    object_sizes,
+)
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_axes
 
 ROWS, COLUMNS = np.indices((160, 160))
@@ -70,3 +77,32 @@ def test_a_foot_without_its_stem_is_no_object() -> None:
     bowl = np.hypot((COLUMNS - 80.0) / 40.0, (ROWS - 50.0) / 45.0) < 1.0
     foot = np.hypot((COLUMNS - 80.0) / 36.0, (ROWS - 145.0) / 9.0) < 1.0
     assert len(object_sizes(bowl | foot)) == 1
+
+
+def test_what_lies_along_the_edge_of_the_frame_or_flashes_in_few_frames_is_no_main_component() -> None:
+    glass, moment = disc(80, 90, 30), ROWS * 160 + COLUMNS
+    flashing = glass & (COLUMNS > 80) & (ROWS > 90)
+    arm, lamp = ROWS < 3, disc(20, 130, 12)
+    assert np.array_equal(main_components(glass | arm, flashing | arm, moment), glass)
+    once = np.where(lamp, moment % 3, moment)
+    assert np.array_equal(main_components(glass | lamp, flashing | lamp, once), glass)
+    # The same blob is a part of the object if it flashes under many lights.
+    assert np.array_equal(main_components(glass | lamp, flashing | lamp, moment), glass | lamp)
+    nothing = np.zeros_like(glass)
+    assert not main_components(nothing, nothing, moment).any()
+
+
+def test_holes_are_glass_if_they_are_small_or_behind_a_thin_line() -> None:
+    ring = disc(80, 80, 50) & ~disc(80, 80, 25)
+    assert np.array_equal(filled(ring, 0.0) & disc(80, 80, 20), np.zeros_like(ring))
+    speck = disc(80, 80, 50) & ~disc(80, 80, 5)
+    assert filled(speck, 0.0)[80, 80]
+    line = disc(105, 80, 30) & ~disc(105, 80, 29)
+    bowl = disc(55, 80, 30)
+    assert filled(bowl | line, CLOSE_SHARE)[70:90, 95:125].all()
+
+
+def test_gaps_narrower_than_twice_the_radius_are_closed() -> None:
+    bars = (COLUMNS % 10 < 6) & (ROWS < 100)
+    assert closed(bars, 2.0)[5:95, 5:150].all() and not closed(bars, 2.0)[104:].any()
+    assert np.array_equal(closed(bars, 1.0), bars)

@@ -6,7 +6,7 @@ import trimesh
 
 from glint.tasks.algorithms.evaluation.mesh_metrics import score_model
 from glint.tasks.algorithms.meshing.implicit import ellipsoid, surface_nets
-from glint.tasks.algorithms.multiview.base_plane import base_evidence
+from glint.tasks.algorithms.multiview.base_plane import BaseEvidence, base_evidence
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface
 from glint.tasks.algorithms.multiview.view import View
@@ -44,6 +44,21 @@ def test_the_plane_is_where_all_silhouettes_allow_it(from_above: list[View]) -> 
     assert evidence.contradiction(BASE, names) is None
     assert "shows the object 5." in str(evidence.contradiction(BASE + 5.5, names))
     assert "end" in str(evidence.contradiction(evidence.lowest - 5.0, names))
+
+
+@pytest.mark.parametrize(
+    ("height", "text"),
+    [
+        (-1.0 + 1.4 * 2.0, None),
+        (-1.0 + 1.6 * 2.0, "side shows the object 1.6 pixels below it"),
+        (-20.0 - 1.4 * 2.0, None),
+        (-20.0 - 1.6 * 2.0, "the silhouettes end 1.6 pixels above it"),
+    ],
+)
+def test_a_plane_may_err_by_a_pixel_and_a_half_either_way(height: float, text: str | None) -> None:
+    evidence = BaseEvidence(np.array([0.0, -1.0]), -20.0, 2.0)
+    assert evidence.height == -1.0
+    assert evidence.contradiction(height, ["front", "side"]) == text
 
 
 def test_seen_level_the_silhouettes_end_on_the_plane(truth: trimesh.Trimesh) -> None:

@@ -12,7 +12,7 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
-from glint.tasks.algorithms.multiview.poisson import merge_depth_maps
+from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.raycast import expected_normals, raycast
 from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface, simplify, with_confidence
 from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
@@ -143,6 +143,18 @@ def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
     merged = merge_depth_maps(exact, depths, 1.0)
     assert scored(merged, truth).chamfer < 0.004
     assert (merged.source >= 0).mean() > 0.95
+    # What no depth map shows is closed all the same.
+    front = merge_depth_maps(exact[:1], depths[:1], 2.0)
+    is_back = front.vertices[:, 2] < front.vertices[:, 2].min() + 4.0
+    assert (front.source == 0).any() and (front.source[is_back] == -1).all() and not front.confidence[is_back].any()
+
+
+def test_a_depth_map_is_shifted_to_the_hull(truth: trimesh.Trimesh, upright: list[View]) -> None:
+    depth = raycast(true_model(truth), upright[1])[0]
+    aligned = align_depth(true_model(truth), upright[1], np.where(depth > 0.0, depth + 7.0, np.nan))
+    assert np.allclose(aligned[depth > 0.0], depth[depth > 0.0], atol=1e-3)
+    unknown = np.full_like(depth, np.nan)
+    assert np.isnan(align_depth(true_model(truth), upright[1], unknown)).all()
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.view import SilhouetteDistance, rotation_about_y, silhouette_pixels
@@ -41,3 +42,26 @@ def test_the_distance_is_computed_once() -> None:
 def test_an_object_that_fills_its_region_has_no_silhouette() -> None:
     with pytest.raises(UnusableCapture, match="fills its region"):
         silhouette_pixels(np.ones((40, 40), bool), 40)
+
+
+SKEWED = np.array([[400.0, 12.0, 45.0], [0.0, 380.0, 50.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("matrix", [None, SKEWED])
+def test_rays_lead_back_to_their_pixels_and_start_from_the_pose(matrix: np.ndarray | None) -> None:
+    """From any pose, through a camera with skew too."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("xyz", [20.0, -35.0, 50.0], degrees=True).as_matrix()
+    pose[:3, 3] = 30.0, -80.0, 400.0
+    view = full_view("view", matrix).with_camera_to_world(pose)
+    assert np.allclose(view.camera_to_world, pose)
+    columns, rows = np.array([0.0, 20.0, 90.0]), np.array([3.0, 70.0, 11.0])
+    starts, directions = view.rays(columns, rows)
+    for distance in (200.0, 500.0):
+        assert np.allclose(view.project(starts + distance * directions), [columns, rows])
+    assert np.allclose(view.view_vectors(starts + 300.0 * directions), -directions)
+    if matrix is None:
+        assert np.allclose((starts - pose[:3, 3]) @ directions[0], 0.0)
+    else:
+        assert np.allclose(starts, pose[:3, 3])
+    assert np.allclose(view.to_world(np.array([0.0, 0.0, 1.0])), pose[:3, 2])

@@ -33,6 +33,16 @@ def test_frames_without_a_light_or_a_sphere_have_none() -> None:
     assert (sectors_of(np.full_like(frames, 60), [SPHERE]) == -1).all()
 
 
+def test_the_sphere_that_shows_the_light_most_often_counts() -> None:
+    right, up = (sphere_frame(SPHERE, [light_direction(azimuth, 50.0)], (61, 61)) for azimuth in (0.0, 90.0))
+    dark = sphere_frame(SPHERE, [], (61, 61))
+    # The first sphere shows a light in every third frame, the second one in all others.
+    frames = np.stack([np.hstack([dark, up] if number % 3 else [right, dark]) for number in range(9)])
+    spheres = [SPHERE, Sphere(SPHERE.x + 61.0, SPHERE.y, SPHERE.radius)]
+    for order in (spheres, spheres[::-1]):
+        assert np.array_equal(sectors_of(frames, order), np.where(np.arange(9) % 3, UP, -1))
+
+
 @pytest.mark.parametrize(
     ("row", "column", "blocked"), [(60, 120, LEFT), (60, 40, RIGHT), (20, 80, DOWN), (100, 80, UP)]
 )
@@ -48,6 +58,13 @@ def test_a_pixel_within_the_object_keeps_the_lights_of_its_own_side() -> None:
     passing = passing_sectors(disc(), FRAMES)[:, 60, 94]
     assert passing[RIGHT] and not passing[LEFT]
     assert passing.sum() >= MIN_FRAMES_SHARE * LIGHT_SECTORS
+
+
+def test_a_pixel_is_no_obstacle_to_its_own_light_and_neither_is_a_single_other_one() -> None:
+    bar = np.zeros((120, 160), bool)
+    bar[40:80, 80:82] = True
+    right = passing_sectors(bar, FRAMES)[RIGHT, 60]
+    assert right[80:].all() and not right[:80].any()
 
 
 def test_sectors_without_frames_pass_nowhere() -> None:

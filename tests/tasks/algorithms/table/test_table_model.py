@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.table.table_model import fit_table
+from glint.tasks.algorithms.table.table_model import MAX_LOCAL_VARIANCE, MIN_SPREAD, fit_table
 
 SIZE = 80
 
@@ -42,3 +42,30 @@ def test_areas_tell_the_object_where_the_table_flashes_nearly_as_strongly() -> N
 def test_areas_do_not_count_where_single_pixels_tell() -> None:
     features, is_border, _ = responses(0.0, 0.0)
     assert np.isinf(fit_table(features, is_border, None).area_limit)
+
+
+def test_the_table_is_expected_as_it_is_nearby_and_far_from_it_as_all_of_it() -> None:
+    rows, columns = np.mgrid[:SIZE, : 3 * SIZE].astype(np.float32)
+    features = np.random.default_rng(2).normal(0.0, 0.05, (SIZE, 3 * SIZE, 2)).astype(np.float32)
+    features[..., 0] += 3.0 + np.where(columns < SIZE, rows / SIZE - 0.5, 0.0)
+    is_table = columns < SIZE
+    is_table[24:56, 24:56] = False
+    mean = fit_table(features, is_table, 30.0).mean[..., 0]
+    assert mean[10, 10:70] == pytest.approx(3.0 + 10 / SIZE - 0.5, abs=0.1)
+    assert mean[40, 40] == pytest.approx(3.0, abs=0.1)
+    assert mean[40, -1] == pytest.approx(3.0, abs=0.1)
+
+
+def test_where_the_table_spreads_more_a_difference_weighs_less_and_nowhere_more() -> None:
+    features = np.random.default_rng(3).normal(0.0, 0.15, (SIZE, SIZE, 2)).astype(np.float32)
+    features[20:28, 20:28] *= 3.0
+    features[52:60, 52:60] *= 8.0
+    table = fit_table(features, np.ones((SIZE, SIZE), bool), 40.0)
+    distance = table.distance(table.mean + 1.0)
+    assert distance[24, 24] < 0.5 * distance[24, 60]
+    assert table.variance.min() == 1.0 and table.variance.max() == pytest.approx(MAX_LOCAL_VARIANCE)
+
+
+def test_the_least_spread_makes_small_differences_of_an_even_table_no_evidence() -> None:
+    table = fit_table(np.zeros((SIZE, SIZE, 2), np.float32), np.ones((SIZE, SIZE), bool), None)
+    assert table.distance(np.array([[[MIN_SPREAD, 0.0]]])) == pytest.approx(1.0, abs=0.02)
