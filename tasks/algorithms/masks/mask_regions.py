@@ -50,7 +50,8 @@ def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndar
     components, count = ndimage.label(closed(differing, JOIN_SHARE * _root_area(flashing)))
     if count == 0:
         return differing
-    seeds = np.bincount(components.ravel(), (flashing & differing).ravel(), minlength=count + 1)
+    seeded = flashing & differing
+    seeds = np.bincount(components.ravel(), seeded.ravel(), minlength=count + 1)
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
     seeds = np.where(along_edge > MAX_ALONG_EDGE_RATIO * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)

@@ -35,7 +35,7 @@ def test_the_mirror_image_of_an_oblique_pattern_is_not_the_tables() -> None:
     oblique = np.stack([np.roll(row, number) for number, row in enumerate(streaks().T)])
     levels, is_table = oblique.copy(), distance() > RADIUS + 10.0
     levels[distance() < RADIUS] = oblique[:, ::-1][distance() < RADIUS]
-    assert texture_ratio(levels, is_table, EDGE)[distance() < RADIUS - 5.0].mean() > 0.2
+    assert texture_ratio(levels, is_table, ROOT_AREA)[distance() < RADIUS - 5.0].mean() > 0.2
 
 
 def test_what_lies_beside_the_object_is_still_the_table() -> None:
