@@ -1,13 +1,13 @@
 """Bowls: surfaces of revolution into which the camera looks, so that nearly all that it sees is their inside.
 
-The contour of a shallow bowl is that of its rim, which hides the outside: given a tilt it tells where the rim is, and
-nothing of what lies below. That follows from the normals of the inside. Each gives the slope of a whole circle, and the
-profile is the integral of the slopes from the rim downwards; which circle a pixel shows depends on the profile in turn,
-so that both are found in rounds. Below the last circle that shows a highlight the profile goes on as steeply.
+The far half of a bowl's contour is that of its rim. It tells where the rim is and how the axis is tilted, but nothing
+of what lies below. That follows from the normals of the inside. Each gives the slope of a whole circle, and the profile
+is the integral of the slopes from the rim downwards; which circle a pixel shows depends on the profile in turn, so that
+both are found in rounds. Below the last circle that shows a highlight the bottom is taken to be flat.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy import ndimage
@@ -15,7 +15,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions, positions_at, sampled_pixels, to_camera
-from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles
+from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles, lines_across_planes
 from glint.tasks.algorithms.revolution.opening import Opening, agreement
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
@@ -24,7 +24,7 @@ from glint.tasks.algorithms.revolution.symmetry import SYMMETRIC_LIMITS, Rotatio
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
-BOWL_TILTS_DEG, FINE_TILTS_DEG = np.arange(8.0, 76.0, 3.0), (-2.0, -1.0, 1.0, 2.0)
+BOWL_TILTS_DEG, FINE_TILTS_DEG = np.arange(8.0, 76.0, 3.0), np.arange(-2.5, 2.6, 0.5)
 """Tilts of the axis that are tried, and changes of the best one that are tried then."""
 FIRST_SLOPES = 0.7, 1.8, 4.0
 """Changes of the radius with the height from which the profile is sought: a steep wall, and shallower ones."""
@@ -41,6 +41,9 @@ MIN_BOWL_NORMALS, BOWL_SAMPLES, MIN_ROUND_NORMALS = 50, 600, 20
 """Pixels that show a normal without which no bowl is sought, how many are compared, and how many a round needs."""
 MIN_RIM_DISC_SHARE, MAX_MISSED_SHARE = 0.6, 0.15
 """Area of the rim's disc relative to the object's, at least, and share of the object that may lie beside the bowl."""
+MAX_RIM_GAP_PX, MAX_RIM_GAP_RADII = 1.5, 0.03
+"""Distance of the contour from the far half of the rim, in the rim's plane, up to which it is the rim's: in pixels, and
+in radii, whichever is more."""
 MIN_INWARD = 0.02
 """Component of a normal towards the axis from which it belongs to a wall."""
 
@@ -87,18 +90,69 @@ def find_bowl(silhouette: SilhouetteSymmetry, shown: np.ndarray) -> Bowl | None:
     if len(rows) < MIN_BOWL_NORMALS:
         return None
     sample = _Sample(*positions_at(rows, columns, mask.shape), shown[:, rows, columns])
-    bowls = [bowl for start in _starts(silhouette) if (bowl := _fitted(sample, silhouette, *start)) is not None]
-    if not bowls:
+    rims = [rim for axis in silhouette.axes if (rim := _rim_about(axis, silhouette)) is not None]
+    bowls = [_fitted(sample, rim, slope) for rim in rims for slope in FIRST_SLOPES]
+    best = min((bowl for bowl in bowls if bowl is not None), key=lambda bowl: bowl.error_deg, default=None)
+    if best is None:
         return None
-    best = min(bowls, key=lambda bowl: bowl.error_deg)
-    surface = best.opening.surface
-    for turn in FINE_TILTS_DEG:
-        bowl = _fitted(sample, silhouette, surface.axis, surface.tilt + np.radians(turn), FIRST_SLOPES[1])
-        if bowl is not None and bowl.error_deg < best.error_deg:
-            best = bowl
-    x, y = pixel_positions(mask)
-    missed = np.isnan(best.opening.entries(x, y)[0][:, 0]).mean()
+    missed = np.isnan(best.opening.entries(*pixel_positions(mask))[0][:, 0]).mean()
     return best if missed <= MAX_MISSED_SHARE else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Rim:
+    """A bowl's rim: axis and tilt (radians) of the bowl, height and radius of the rim in pixels, and its object.
+
+    gap: how far the contour lies outside the far half of the rim, in its plane, root mean square in pixels. mask: (H,
+    W) bool. inverse_focal: see `AxisFrame`.
+    """
+
+    axis: ReflectionAxis
+    tilt: float
+    height: float
+    radius: float
+    gap: float
+    mask: np.ndarray
+    inverse_focal: float
+
+    def inside(self, slopes: np.ndarray) -> SurfaceOfRevolution:
+        """Return the body that fills the bowl; slopes: (N,) of the radius with the height, from the rim downwards."""
+        radii = self.radius - DEPTH_STEP_PX * np.concatenate([[0.0], np.cumsum(slopes)])
+        radii = np.append(radii[radii > 0.0], 0.0)
+        heights = self.height - DEPTH_STEP_PX * np.arange(-1, len(radii))[::-1]
+        squared = np.append(0.0, radii**2)[::-1]
+        half_slopes = np.gradient(squared, heights) / 2.0
+        return SurfaceOfRevolution(
+            self.axis, self.tilt, heights, squared, half_slopes, inverse_focal=self.inverse_focal
+        )
+
+
+def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> _Rim | None:
+    """Return the rim about an axis whose far half the contour follows, None if it follows none.
+
+    The near half may lie before the outside of the bowl.
+    """
+    mask = silhouette.mask
+    contour = smooth_contour(mask)
+    x, y = to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0])
+
+    def rim_at(tilt_deg: float) -> _Rim:
+        tilt = float(np.radians(tilt_deg))
+        rays = AxisFrame.of(axis, tilt, silhouette.inverse_focal).rays(x, y)
+        # Of all circles inside the contour the rim is the largest.
+        heights, radii = inscribed_circles(rays, DEPTH_STEP_PX)
+        largest = int(np.argmax(radii))
+        height, radius = float(heights[largest]), float(radii[largest])
+        _, starts, slopes = lines_across_planes(rays, DEPTH_STEP_PX)
+        places = starts + height * slopes
+        distances = np.linalg.norm(places[places[:, 1] < 0.0], axis=1)
+        gap = float(np.sqrt(np.mean((distances - radius) ** 2))) if len(distances) else np.inf
+        return _Rim(axis, tilt, height, radius, gap, mask, silhouette.inverse_focal)
+
+    best = min((rim_at(tilt) for tilt in BOWL_TILTS_DEG), key=attrgetter("gap"))
+    best = min((rim_at(np.degrees(best.tilt) + turn) for turn in FINE_TILTS_DEG), key=attrgetter("gap"))
+    is_small = np.pi * best.radius**2 * np.sin(best.tilt) < MIN_RIM_DISC_SHARE * mask.sum()
+    return None if is_small or best.gap > max(MAX_RIM_GAP_PX, MAX_RIM_GAP_RADII * best.radius) else best
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,57 +170,20 @@ class _Sample:
         return self.normals[layer, place], gaps[layer, place]
 
 
-def _starts(silhouette: SilhouetteSymmetry) -> Iterator[tuple[ReflectionAxis, float, float]]:
-    """Yield axes, tilts in radians and slopes with which a bowl is sought."""
-    for axis in silhouette.axes:
-        for tilt in np.radians(BOWL_TILTS_DEG):
-            for slope in FIRST_SLOPES:
-                yield axis, float(tilt), slope
-
-
-def _fitted(
-    sample: _Sample, silhouette: SilhouetteSymmetry, axis: ReflectionAxis, tilt: float, first_slope: float
-) -> Bowl | None:
-    """Return the bowl with that axis and tilt whose inside normals show; None if too few belong to it."""
-    mask = silhouette.mask
-    contour = smooth_contour(mask)
-    rays = AxisFrame.of(axis, tilt, silhouette.inverse_focal).rays(
-        *to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0])
-    )
-    # Of all circles inside the contour the rim is the largest.
-    heights, radii = inscribed_circles(rays, DEPTH_STEP_PX)
-    largest = int(np.argmax(radii))
-    rim, radius = float(heights[largest]), float(radii[largest])
-    if np.pi * radius**2 * np.sin(tilt) < MIN_RIM_DISC_SHARE * mask.sum():
-        return None
-    slopes = np.full(int(MAX_DEPTH_RADII * radius / DEPTH_STEP_PX) + 1, first_slope)
+def _fitted(sample: _Sample, rim: _Rim, first_slope: float) -> Bowl | None:
+    """Return the bowl with that rim whose inside normals show; None if too few belong to it."""
+    slopes = np.full(int(MAX_DEPTH_RADII * rim.radius / DEPTH_STEP_PX) + 1, first_slope)
     for number in range(BOWL_ROUNDS):
-        surface = _inside(axis, tilt, rim, radius, slopes, silhouette.inverse_focal)
         reach = max(FIRST_REACH_DEG * REACH_RATIO**number, LAST_REACH_DEG)
-        measured = _measured_slopes(surface, rim, len(slopes), sample, reach)
+        measured = _measured_slopes(rim.inside(slopes), rim.height, len(slopes), sample, reach)
         if measured is None:
             return None
         slopes = np.sqrt(slopes * measured)
-    opening = Opening(_inside(axis, tilt, rim, radius, slopes, silhouette.inverse_focal), 0.0, mask)
+    opening = Opening(rim.inside(slopes), 0.0, rim.mask)
     normals = opening.entries(sample.x, sample.y)[0]
     _, gaps = sample.nearest(normals)
     error = float(np.minimum(gaps, ERROR_CAP_DEG).mean())
     return Bowl(opening, error, float(agreement(normals, sample.normals).mean()))
-
-
-def _inside(
-    axis: ReflectionAxis, tilt: float, rim: float, radius: float, slopes: np.ndarray, inverse_focal: float
-) -> SurfaceOfRevolution:
-    """Return the body that fills a bowl up to its rim, at a height and of a radius, pixels.
-
-    slopes: (N,) of the radius with the height, from the rim downwards.
-    """
-    radii = radius - DEPTH_STEP_PX * np.concatenate([[0.0], np.cumsum(slopes)])
-    radii = np.append(radii[radii > 0.0], 0.0)
-    heights = rim - DEPTH_STEP_PX * np.arange(-1, len(radii))
-    squared = np.append(0.0, radii**2)
-    half_slopes = np.gradient(squared[::-1], heights[::-1]) / 2.0
-    return SurfaceOfRevolution(axis, tilt, heights[::-1], squared[::-1], half_slopes, inverse_focal=inverse_focal)
 
 
 def _measured_slopes(
@@ -193,4 +210,5 @@ def _measured_slopes(
     )
     known = np.flatnonzero(weight > MIN_SAMPLE_WEIGHT)
     slope_angles = np.interp(np.arange(count), known, total[known] / weight[known])
+    slope_angles[known[-1] + 1 :] = np.arctan(MAX_RADIUS_SLOPE)
     return np.clip(np.tan(slope_angles), 1.0 / MAX_RADIUS_SLOPE, MAX_RADIUS_SLOPE)
