@@ -12,7 +12,7 @@ from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction,
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, clusters_of, head_with_ear, pebble
-from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_normals
+from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_bowl, seen_normals
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
 
@@ -159,6 +159,18 @@ def test_labels_that_accept_nothing_start_from_the_surface_that_candidates_show(
     empty.options = DEFAULT_OPTIONS
     result = conclude(explain(empty))
     assert np.median(angles(result.normals, truth)[mask]) < 1.0
+
+
+@pytest.mark.long
+def test_a_bowl_into_which_the_camera_looks_is_no_dome() -> None:
+    truth, _ = seen_bowl(40.0)
+    mask = np.isfinite(truth[..., 0])
+    clusters = clusters_of(observable(truth)[None].astype(np.float32))
+    with_bowl, without = (
+        angles(reconstruct_normals(clusters, mask, LabellingOptions(symmetry=symmetry)).normals, truth)[mask]
+        for symmetry in (True, False)
+    )
+    assert np.median(with_bowl) < 2.0 and np.mean(without) > 3.0 * np.mean(with_bowl)
 
 
 @pytest.mark.long

@@ -1,8 +1,9 @@
-"""Solids of revolution with flat ends, a beaker, tumblers, a bowl and a vase, rendered from formulas."""
+"""Solids of revolution with flat ends, a beaker, tumblers, bowls and a vase, rendered from formulas."""
 
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.revolution.opening import Opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -50,6 +51,21 @@ def flared_vase(tilt: float) -> SurfaceOfRevolution:
     radii = np.interp(heights, (-75.0, -10.0, 45.0, 75.0), (24.0, 46.0, 20.0, 31.0))
     radii[[0, -1]] = 0.0
     return upright_surface(radii, heights, tilt)
+
+
+def shallow_bowl(tilt: float) -> SurfaceOfRevolution:
+    """Return the body that fills a bowl of 60 pixels radius, steepest at its rim, at a tilt in degrees."""
+    heights = np.arange(-30.0, 0.6, 0.5)
+    radii = 60.0 * np.sqrt(np.clip(1.0 + heights / 30.0, 0.0, 1.0))
+    radii[[0, -1]] = 0.0
+    return upright_surface(radii, heights, tilt)
+
+
+def seen_bowl(tilt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return normals (H, W, 3) and depths (H, W) of a bowl, of its inside where that is seen, NaN beside it."""
+    x, y = camera_positions()
+    normals, depths, _ = Opening(shallow_bowl(tilt), 0.0, np.ones(SHAPE, bool)).entries(x.ravel(), y.ravel())
+    return normals.reshape(*SHAPE, 3), depths.reshape(SHAPE)
 
 
 def upright_surface(radii: np.ndarray, heights: np.ndarray, tilt: float) -> SurfaceOfRevolution:

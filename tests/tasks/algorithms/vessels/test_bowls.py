@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.opening import Opening
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
-from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.vessels.bowls import accepted_bowl, find_bowl
 from glint.tasks.algorithms.vessels.rotational_normals import RotationalSymmetry
 from tests.tasks.algorithms.revolution.beaker import (
@@ -15,23 +13,8 @@ from tests.tasks.algorithms.revolution.beaker import (
     camera_positions,
     false_sheets,
     observable,
-    upright_surface,
+    seen_bowl,
 )
-
-
-def shallow_bowl(tilt: float) -> SurfaceOfRevolution:
-    """Return the body that fills a bowl of 60 pixels radius, steepest at its rim, at a tilt in degrees."""
-    heights = np.arange(-30.0, 0.6, 0.5)
-    radii = 60.0 * np.sqrt(np.clip(1.0 + heights / 30.0, 0.0, 1.0))
-    radii[[0, -1]] = 0.0
-    return upright_surface(radii, heights, tilt)
-
-
-def seen_bowl(tilt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return normals (H, W, 3) and depths (H, W) of a bowl, of its inside where that is seen, NaN beside it."""
-    x, y = camera_positions()
-    normals, depths, _ = Opening(shallow_bowl(tilt), 0.0, np.ones(SHAPE, bool)).entries(x.ravel(), y.ravel())
-    return normals.reshape(*SHAPE, 3), depths.reshape(SHAPE)
 
 
 @pytest.mark.parametrize("tilt", [35.0, 55.0])
