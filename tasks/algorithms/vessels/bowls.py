@@ -6,6 +6,7 @@ is the integral of the slopes from the rim downwards; which circle a pixel shows
 both are found in rounds. Below the last circle that shows a highlight the bottom is taken to be flat.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -33,7 +34,8 @@ DEPTH_STEP_PX, MAX_DEPTH_RADII = 0.5, 1.5
 MAX_RADIUS_SLOPE = 40.0
 """Change of the radius with the height beyond which the inside is flat."""
 SLOPE_SIGMA_SAMPLES, MIN_SAMPLE_WEIGHT = 2.0, 0.05
-"""Smoothing of the slopes along the axis, and the weight of a height from which its normals tell the slope."""
+"""Standard deviation of the smoothing of slopes along the axis, in samples, and the weight of a height from which its
+normals tell the slope."""
 BOWL_ROUNDS, FIRST_REACH_DEG, REACH_RATIO, LAST_REACH_DEG = 8, 60.0, 0.8, 12.0
 """Rounds, and the angle from the present inside up to which a normal is taken as its own: in the first round, from one
 to the next, and at last."""
@@ -49,58 +51,7 @@ MIN_INWARD = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Bowl:
-    """A bowl that normals show.
-
-    opening: the rim, and the inside below it. error_deg: mean angle from the normals shown to those of the bowl, each
-    capped. excess: share of the pixels with a normal that agree with the bowl, less that of those that should and do
-    not.
-    """
-
-    opening: Opening
-    error_deg: float
-    excess: float
-
-    def normals(self, mask: np.ndarray) -> RotationalNormals:
-        """Return the normals and depths of the bowl in a mask (H, W) bool, which it may not fill."""
-        image, depths = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
-        image[mask], depths[mask], _ = self.opening.entries(*pixel_positions(mask))
-        return RotationalNormals(with_nearest(image, mask), depths, 0.0, self.error_deg)
-
-
-def accepted_bowl(silhouette: SilhouetteSymmetry, accepted: np.ndarray, field: np.ndarray) -> RotationalNormals | None:
-    """Return the normals of the bowl whose inside accepted normals show, None if they show none.
-
-    silhouette: of (H, W) pixels. accepted: (H, W, 3), NaN where there is none. field: (H, W, 3), the silhouette's
-    smooth normal field, which the bowl must fit much better than.
-    """
-    bowl = find_bowl(silhouette, accepted[None])
-    if bowl is None or bowl.error_deg > SYMMETRIC_LIMITS.largest_error(accepted, field):
-        return None
-    return bowl.normals(silhouette.mask)
-
-
-def find_bowl(silhouette: SilhouetteSymmetry, shown: np.ndarray) -> Bowl | None:
-    """Return the bowl to which the normals shown, (K, H, W, 3) with NaN where there are none, are nearest.
-
-    None: too few pixels show a normal, or the contour is not that of a bowl's rim.
-    """
-    mask = silhouette.mask
-    rows, columns = sampled_pixels(mask & np.isfinite(shown[..., 0]).any(axis=0), BOWL_SAMPLES)
-    if len(rows) < MIN_BOWL_NORMALS:
-        return None
-    sample = _Sample(*positions_at(rows, columns, mask.shape), shown[:, rows, columns])
-    rims = [rim for axis in silhouette.axes if (rim := _rim_about(axis, silhouette)) is not None]
-    bowls = [_fitted(sample, rim, slope) for rim in rims for slope in FIRST_SLOPES]
-    best = min((bowl for bowl in bowls if bowl is not None), key=lambda bowl: bowl.error_deg, default=None)
-    if best is None:
-        return None
-    missed = np.isnan(best.opening.entries(*pixel_positions(mask))[0][:, 0]).mean()
-    return best if missed <= MAX_MISSED_SHARE else None
-
-
-@dataclass(frozen=True, slots=True)
-class _Rim:
+class Rim:
     """A bowl's rim: axis and tilt (radians) of the bowl, height and radius of the rim in pixels, and its object.
 
     gap: how far the contour lies outside the far half of the rim, in its plane, root mean square in pixels. mask: (H,
@@ -127,7 +78,65 @@ class _Rim:
         )
 
 
-def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> _Rim | None:
+@dataclass(frozen=True, slots=True)
+class Bowl:
+    """A bowl that normals show.
+
+    opening: the rim, and the inside below it. error_deg: mean angle from the normals shown to those of the bowl, each
+    capped. excess: share of the pixels with a normal that agree with the bowl, less that of those that should and do
+    not.
+    """
+
+    opening: Opening
+    error_deg: float
+    excess: float
+
+    def normals(self) -> RotationalNormals:
+        """Return the normals and depths of the bowl in the mask of its object, which it may not fill."""
+        mask = self.opening.around
+        image, depths = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
+        image[mask], depths[mask], _ = self.opening.entries(*pixel_positions(mask))
+        return RotationalNormals(with_nearest(image, mask), depths, 0.0, self.error_deg)
+
+
+def bowl_rims(silhouette: SilhouetteSymmetry) -> list[Rim]:
+    """Return the rims of bowls whose far half the contour follows, one about each axis at most."""
+    return [rim for axis in silhouette.axes if (rim := _rim_about(axis, silhouette)) is not None]
+
+
+def accepted_bowl(rims: Sequence[Rim], accepted: np.ndarray, field: np.ndarray) -> RotationalNormals | None:
+    """Return the normals of the bowl whose inside accepted normals show, None if they show none.
+
+    rims: of `bowl_rims`. accepted: (H, W, 3), NaN where there is none. field: (H, W, 3), the silhouette's smooth normal
+    field, which the bowl must fit much better than.
+    """
+    bowl = find_bowl(rims, accepted[None])
+    if bowl is None or bowl.error_deg > SYMMETRIC_LIMITS.largest_error(accepted, field):
+        return None
+    return bowl.normals()
+
+
+def find_bowl(rims: Sequence[Rim], shown: np.ndarray) -> Bowl | None:
+    """Return the bowl to which the normals shown, (K, H, W, 3) with NaN where there are none, are nearest.
+
+    rims: of `bowl_rims`. None: there is no rim, or too few pixels show a normal of any bowl.
+    """
+    if not rims:
+        return None
+    mask = rims[0].mask
+    rows, columns = sampled_pixels(mask & np.isfinite(shown[..., 0]).any(axis=0), BOWL_SAMPLES)
+    if len(rows) < MIN_BOWL_NORMALS:
+        return None
+    sample = _Sample(*positions_at(rows, columns, mask.shape), shown[:, rows, columns])
+    bowls = [_fitted(sample, rim, slope) for rim in rims for slope in FIRST_SLOPES]
+    best = min((bowl for bowl in bowls if bowl is not None), key=attrgetter("error_deg"), default=None)
+    if best is None:
+        return None
+    missed = np.isnan(best.opening.entries(*pixel_positions(mask))[0][:, 0]).mean()
+    return best if missed <= MAX_MISSED_SHARE else None
+
+
+def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> Rim | None:
     """Return the rim about an axis whose far half the contour follows, None if it follows none.
 
     The near half may lie before the outside of the bowl.
@@ -136,7 +145,7 @@ def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> _Rim | N
     contour = smooth_contour(mask)
     x, y = to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0])
 
-    def rim_at(tilt_deg: float) -> _Rim:
+    def rim_at(tilt_deg: float) -> Rim:
         tilt = float(np.radians(tilt_deg))
         rays = AxisFrame.of(axis, tilt, silhouette.inverse_focal).rays(x, y)
         # Of all circles inside the contour the rim is the largest.
@@ -147,7 +156,7 @@ def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> _Rim | N
         places = starts + height * slopes
         distances = np.linalg.norm(places[places[:, 1] < 0.0], axis=1)
         gap = float(np.sqrt(np.mean((distances - radius) ** 2))) if len(distances) else np.inf
-        return _Rim(axis, tilt, height, radius, gap, mask, silhouette.inverse_focal)
+        return Rim(axis, tilt, height, radius, gap, mask, silhouette.inverse_focal)
 
     best = min((rim_at(tilt) for tilt in BOWL_TILTS_DEG), key=attrgetter("gap"))
     best = min((rim_at(np.degrees(best.tilt) + turn) for turn in FINE_TILTS_DEG), key=attrgetter("gap"))
@@ -170,7 +179,7 @@ class _Sample:
         return self.normals[layer, place], gaps[layer, place]
 
 
-def _fitted(sample: _Sample, rim: _Rim, first_slope: float) -> Bowl | None:
+def _fitted(sample: _Sample, rim: Rim, first_slope: float) -> Bowl | None:
     """Return the bowl with that rim whose inside normals show; None if too few belong to it."""
     slopes = np.full(int(MAX_DEPTH_RADII * rim.radius / DEPTH_STEP_PX) + 1, first_slope)
     for number in range(BOWL_ROUNDS):

@@ -30,7 +30,7 @@ from glint.tasks.algorithms.revolution.symmetry import (
 )
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 from glint.tasks.algorithms.vessels.body_normals import body_normals, observed_error, observed_normals
-from glint.tasks.algorithms.vessels.bowls import accepted_bowl, find_bowl
+from glint.tasks.algorithms.vessels.bowls import Rim, accepted_bowl, bowl_rims, find_bowl
 
 UNPROVEN_LIMITS = SYMMETRIC_LIMITS._replace(is_of_slopes=True, relief_excuses=False)
 """Limits for a symmetric silhouette whose accepted normals are not compared with the smooth field: they agree with it
@@ -60,7 +60,7 @@ class RotationalSymmetry:
         aimed, fit = self._aimed, (accepted, candidates, field)
         if aimed is not None:
             fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field)
-        result = body_normals(self._symmetry, *fit) or accepted_bowl(self._symmetry, fit[0], fit[2])
+        result = body_normals(self._symmetry, *fit) or accepted_bowl(self._rims, fit[0], fit[2])
         if aimed is None or result is None:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
@@ -95,9 +95,9 @@ class RotationalSymmetry:
         excess, surface = max(
             (_best_surface(silhouette, shown) for silhouette in silhouettes), key=itemgetter(0), default=(0.0, None)
         )
-        bowl = find_bowl(self._symmetry, shown)
+        bowl = find_bowl(self._rims, shown)
         if bowl is not None and bowl.excess > excess:
-            normals = bowl.normals(self._symmetry.mask).normals
+            normals = bowl.normals().normals
         elif surface is not None:
             normals = self._normals_of(surface)
         else:
@@ -124,6 +124,10 @@ class RotationalSymmetry:
     def _symmetry(self) -> SilhouetteSymmetry:
         aimed = self._aimed
         return SilhouetteSymmetry(self.mask) if aimed is None else SilhouetteSymmetry(aimed.silhouette, 1 / aimed.focal)
+
+    @cached_property
+    def _rims(self) -> list[Rim]:
+        return bowl_rims(self._symmetry)
 
 
 def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tuple[float, SurfaceOfRevolution | None]:
