@@ -126,7 +126,7 @@ STAGES = (
         peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
         progress_unit="tiles",
         parallel_tiles=True,
-        version=6,
+        version=7,
     ),
     Stage(
         "labels",

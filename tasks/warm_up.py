@@ -5,11 +5,12 @@ from functools import cache
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.disc_centres import DiscModel
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.lighting.lights import find_lights
+from glint.tasks.algorithms.lighting.lights import USUAL_LIGHT_DEG, find_lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.meshing.depth_mesh import Surface, mesh_from_depth
 from glint.tasks.algorithms.meshing.shading import draw_surface
@@ -39,7 +40,9 @@ def load_kernels() -> Surface:
     frames = np.where(lit & mask, 250, 20).astype(np.uint8)
     find_lights(frames, Sphere(12.0, 12.0, 11.0))
     highlights = HighlightLevels(np.full(mask.shape, 200, np.uint8), saturation=250.0)
-    clusters = cluster_pixels(frames, highlights, half_vectors, inverse_density_weights(half_vectors))
+    weights = inverse_density_weights(half_vectors)
+    discs = DiscModel.of_light(USUAL_LIGHT_DEG, half_vectors, weights)
+    clusters = cluster_pixels(frames, highlights, half_vectors, weights, discs=discs)
     result = reconstruct_normals(clusters, mask)
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
     # What finds steps runs only where there are some.

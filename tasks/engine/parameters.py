@@ -75,12 +75,13 @@ class ThresholdsParameters(StageParameters):
 class ClustersParameters(StageParameters):
     """clusters: kept per pixel; radius: of a light's disc in half vectors, degrees, None: by the light's size;
     separation: least distance of two clusters in radii; dwell: degrees within which a lingering light's frames share
-    one vote."""
+    one vote; dark_frames: whether frames that leave a pixel dark tell where the disc's centre is."""
 
     clusters: Annotated[int, Field(ge=2, le=6)] = 3
     radius: Degrees | None = None
     separation: Positive = 1.6
     dwell: Degrees = 1.0
+    dark_frames: bool = True
 
 
 class MarkupParameters(StageParameters):

@@ -10,12 +10,13 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.candidates.clusters import USUAL_DISC_DEG, Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.disc_centres import DiscModel
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
 from glint.tasks.algorithms.candidates.surround import Rings, find_rings, rings_deg
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG, MIN_SWEEP_FRAMES
-from glint.tasks.algorithms.lighting.lights import light_size
+from glint.tasks.algorithms.lighting.lights import USUAL_LIGHT_DEG, light_size
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -35,8 +36,8 @@ MATTE_COST_DEG = 15.0
 
 @dataclass(frozen=True, slots=True)
 class SharedInputs:
-    """What all tiles share: where the frames are, half_vectors (T, 3), weights (T,), rings of the lights, and the
-    radius of their discs in degrees."""
+    """What all tiles share: where the frames are, half_vectors (T, 3), weights (T,), rings of the lights, the radius of
+    their discs in degrees, and what frames tell of the discs' centres."""
 
     store: str
     digest: str
@@ -44,6 +45,7 @@ class SharedInputs:
     weights: np.ndarray
     rings: Rings
     disc_deg: float
+    discs: DiscModel | None
     parameters: ClustersParameters
 
 
@@ -57,13 +59,17 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     parameters: ClustersParameters = inputs.parameters
     cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
     lights = inputs.load("lights")
-    half_vectors, size = lights.read("half_vectors"), light_size(lights.record["light_radius_degrees"])
+    half_vectors, light_radius = lights.read("half_vectors"), lights.record["light_radius_degrees"]
+    size = light_size(light_radius)
     highlights = read_highlights(inputs.load("thresholds"))
     weights = inverse_density_weights(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
     rings = find_rings(half_vectors, weights, size)
     disc = USUAL_DISC_DEG * size if parameters.radius is None else parameters.radius
-    shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, rings, disc, parameters)
+    if parameters.radius is not None or light_radius is None:
+        light_radius = USUAL_LIGHT_DEG * disc / USUAL_DISC_DEG
+    discs = DiscModel.of_light(light_radius, half_vectors, weights) if parameters.dark_frames else None
+    shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, rings, disc, discs, parameters)
     tasks = [(tile, highlights._replace(thresholds=highlights.thresholds[tile])) for tile in tiles]
     result = empty_clusters(parameters.clusters, mask.shape)
     for done, (tile, part) in enumerate(zip(tiles, mapper(cluster_tile, tasks, shared), strict=True), 1):
@@ -99,6 +105,7 @@ def cluster_tile(task: tuple[Tile, HighlightLevels], shared: SharedInputs) -> Cl
         radius_deg=shared.disc_deg,
         separation=shared.parameters.separation,
         rings=shared.rings,
+        discs=shared.discs,
     )
 
 

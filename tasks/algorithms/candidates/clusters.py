@@ -4,7 +4,8 @@ A pixel shows a highlight in those frames whose half vector is a normal of one o
 point, so each direct path lights a small disc of half vectors; false paths light discs too, or arcs. The paper uses
 k-means, with K by minimum description length. Here the size of the disc is known, and each cluster is the densest disc
 of the highlights that the clusters before it left, centred by mean shift (Cheng 1995) where it is brightest: an arc
-beside a disc cannot pull its centre, and a disc that only one frame shows is kept.
+beside a disc cannot pull its centre, and a disc that only one frame shows is kept. Then the frames that leave the pixel
+dark tell how far the disc reaches to all sides, and so where its centre is (`disc_centres`).
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.candidates.densest_discs import densest_discs
+from glint.tasks.algorithms.candidates.disc_centres import DiscModel, disc_centres
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels, collect_lit_frames
 from glint.tasks.algorithms.candidates.surround import Rings, candidate_shading, find_rings
 
@@ -69,6 +71,7 @@ def cluster_pixels(
     radius_deg: float = USUAL_DISC_DEG,
     separation: float = 1.6,
     rings: Rings | None = None,
+    discs: DiscModel | None = None,
 ) -> Clusters:
     """Cluster the highlights of a tile's pixels.
 
@@ -81,6 +84,7 @@ def cluster_pixels(
         radius_deg: of the light's disc of half vectors.
         separation: least distance, in radii, of another cluster's highlights.
         rings: of these half vectors and weights, where several tiles share them.
+        discs: of these half vectors; None: a cluster's normal is the mean of its lit frames.
     """
     height, width = frames.shape[1:]
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]))
@@ -90,6 +94,8 @@ def cluster_pixels(
     normals, weight, spread, count, winner = densest_discs(lit, half_vectors, weights, clusters, radius, separation)
     rings = rings or find_rings(half_vectors, weights)
     shading = candidate_shading(levels, lit, half_vectors, normals, float(np.cos(radius)), rings)
+    if discs is not None:
+        normals = disc_centres(lit, half_vectors, normals, discs)
     shape = (clusters, height, width)
     return Clusters(
         normals.reshape(*shape, 3),

@@ -56,19 +56,41 @@ def find_rings(half_vectors: np.ndarray, weights: np.ndarray, light_size: float 
     half_vectors: (T, 3), NaN where the frame was rejected; weights: (T,), by which places count instead of frames;
     light_size: see `rings_deg`.
     """
-    usable = np.flatnonzero(weights > 0)
-    # Weighted sampling without replacement (Efraimidis and Spirakis 2006): by exponential variates over the weights.
-    variates = np.random.default_rng(0).exponential(size=len(usable)) / weights[usable]
-    order = usable[np.argsort(variates)].astype(np.int32)
-    vectors = np.nan_to_num(half_vectors).astype(np.float32)
-    inner, outer = (_ring(vectors, order, *np.cos(np.radians(ring))) for ring in rings_deg(light_size))
+    order = random_order(weights)
+    inner, outer = (frames_between(half_vectors, order, *ring, RING_FRAMES) for ring in rings_deg(light_size))
     return Rings(inner, outer, order[:RING_FRAMES])
 
 
+def random_order(weights: np.ndarray) -> np.ndarray:
+    """Return the frames with a weight (T,) in a random order, the same at each call, heavy ones rather early: int32.
+
+    Source: weighted sampling without replacement by exponential variates over the weights (Efraimidis and Spirakis
+    2006).
+    """
+    usable = np.flatnonzero(weights > 0)
+    variates = np.random.default_rng(0).exponential(size=len(usable)) / weights[usable]
+    return usable[np.argsort(variates)].astype(np.int32)
+
+
+def frames_between(
+    half_vectors: np.ndarray, order: np.ndarray, least_deg: float, most_deg: float, count: int
+) -> np.ndarray:
+    """Return the first frames of an order whose half vectors lie between two angles from each frame's.
+
+    half_vectors: (T, 3), NaN where the frame was rejected. Returns (T, count) int32, -1 where there are fewer.
+    """
+    vectors = np.nan_to_num(half_vectors).astype(np.float32)
+    # No cosine exceeds the first bound where the frame itself and those beside it count, whatever the rounding.
+    cos_least = 2.0 if least_deg == 0.0 else np.cos(np.radians(least_deg))
+    return np.asarray(_frames_between(vectors, order, cos_least, np.cos(np.radians(most_deg)), count))
+
+
 @njit(cache=True, nogil=True)
-def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_most: float) -> np.ndarray:
-    """Return the first RING_FRAMES frames of `order` in the ring of each frame: (T, RING_FRAMES) int32, -1 for none."""
-    ring = np.full((len(half_vectors), RING_FRAMES), -1, np.int32)
+def _frames_between(
+    half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_most: float, most: int
+) -> np.ndarray:
+    """Return the first `most` frames of `order` between two cosines from each frame: (T, most) int32, -1 for none."""
+    ring = np.full((len(half_vectors), most), -1, np.int32)
     for i in order:
         count = 0
         for j in order:
@@ -80,7 +102,7 @@ def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_mos
             if cos_most < cosine < cos_least:
                 ring[i, count] = j
                 count += 1
-                if count == RING_FRAMES:
+                if count == most:
                     break
     return ring
 
