@@ -37,7 +37,8 @@ def main() -> None:
         )
         print(f"{name}: {' -> '.join(results)}", flush=True)
     known = np.isfinite(medians).all(axis=1)
-    for quantity, values in (("mean errors", np.array(errors)), ("medians of confident pixels", np.array(medians)[known])):
+    quantities = {"mean errors": np.array(errors), "medians of confident pixels": np.array(medians)[known]}
+    for quantity, values in quantities.items():
         before, after = np.exp(np.log(values).mean(axis=0))
         print(f"geometric mean of the {quantity}: {before:.2f} -> {after:.2f} degrees")
 
