@@ -14,10 +14,12 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.disc_centres import DiscModel
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.lighting.lights import USUAL_LIGHT_DEG
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.algorithms.simulation.light_path import light_path
 
@@ -76,7 +78,8 @@ def main() -> None:
     shares = inverse_density_weights(half_vectors)
     flat = frames.reshape(len(frames), -1)
     _, counting = best(count_lit, flat, 225)
-    clusters, clustering = best(cluster_pixels, frames, highlights, half_vectors, shares)
+    discs = DiscModel.of_light(USUAL_LIGHT_DEG, half_vectors, shares)
+    clusters, clustering = best(cluster_pixels, frames, highlights, half_vectors, shares, discs=discs)
     lit = clusters.observations[mask].mean()
     print(
         f"{arguments.frames} frames of {arguments.width} x {arguments.height}: count {counting:.3f} s, cluster"
