@@ -6,7 +6,6 @@ The process is independent of the server: it outlives the server, and so writes 
 import json
 import logging
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -96,12 +95,14 @@ class Runs:
 
         What is finished is kept, as after Ctrl-C. The run ends within seconds, not at once.
         """
+        # SIGTERM, not SIGINT: a server that was started in the background ignores that, and so do its processes until
+        # they handle it themselves.
         with self._lock:
             run = self._runs.get(capture)
             if run is not None and run.state == "running" and not run.is_stopping:
                 run.is_stopping = True
                 if capture in self._processes:
-                    self._processes[capture].send_signal(signal.SIGINT)
+                    self._processes[capture].terminate()
         return run
 
     def _follow(self, run: Run, command: Sequence[str]) -> None:
@@ -115,7 +116,7 @@ class Runs:
                 with self._lock:
                     self._processes[run.capture] = process
                     if run.is_stopping:
-                        process.send_signal(signal.SIGINT)
+                        process.terminate()
                 for _ in _events(run, process, output, errors):
                     self._changed()
         except OSError as error:
