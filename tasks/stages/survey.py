@@ -29,7 +29,7 @@ from glint.tasks.stages.frame_parts import (
 )
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
 from glint.tasks.stages.scale import Scale, scale_of
-from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
+from glint.tasks.stages.sphere_confirmation import confirm_found, confirm_given
 from glint.tasks.stages.stabilization import Shake, changed_scene, measure_shake, stabilized
 
 

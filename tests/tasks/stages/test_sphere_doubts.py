@@ -12,8 +12,9 @@ from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
 from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
 from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, circle_of_highlights
 from glint.tasks.algorithms.sphere_checks.given_circle import ConfirmedSphere
-from glint.tasks.stages import sphere_doubts as doubts_module
-from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, sweep_error
+from glint.tasks.stages import sphere_confirmation
+from glint.tasks.stages.sphere_confirmation import confirm_given
+from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
@@ -78,7 +79,7 @@ def mislead_fits(monkeypatch: pytest.MonkeyPatch, centre_sd: float) -> None:
     """Let fits of given circles all end at an edge inside the sphere."""
     edge = Sphere(55.0, 60.8, 28.0, 0.4, centre_sd, 0.2)
     confirmed = ConfirmedSphere(edge, edge, is_clear=True, is_corrected=True)
-    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+    monkeypatch.setattr(sphere_confirmation, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
 
 
 @pytest.fixture
@@ -111,7 +112,7 @@ def test_what_the_highlights_refute_leaves_no_doubt_about_a_given_circle(
     edge, truth = Sphere(edge_x, 60.8, 28.0, 0.4, 0.3, 0.2), Sphere(58.3, 60.8, 30.4)
     beside = replace(truth, centre_sd=3.0, radius_sd=1.5)
     confirmed = ConfirmedSphere(beside, edge, is_clear=True, is_corrected=False, given_contrast=1.0)
-    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+    monkeypatch.setattr(sphere_confirmation, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
     (used,), _ = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
     assert used.distance(truth) == 0.0 and used.radius == truth.radius
     assert (used.centre_sd < 1.5 and used.radius_sd < 1.0) == is_refuted
@@ -140,7 +141,7 @@ def test_a_corrected_radius_is_doubted_no_further_than_hands_err(monkeypatch: py
     """Blurred highlights allow a far larger sphere, but whoever drew the circle saw none."""
     truth = Sphere(58.3, 60.8, 30.4, 0.4, 0.2, 0.2)
     confirmed = ConfirmedSphere(truth, truth, is_clear=True, is_corrected=True)
-    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+    monkeypatch.setattr(sphere_confirmation, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
     frames = np.stack([cv2.GaussianBlur(frame, (0, 0), 2.0) for frame in mirrored_lamp(truth, lamps(120))])
     shapes = circle_of_highlights(frames, truth)
     assert shapes is not None and radius_lacking(truth, shapes) > 0.15 * truth.radius

@@ -6,7 +6,7 @@ import pytest
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import check_circle, contradicts
 from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
-from glint.tasks.stages.sphere_doubts import confirm_found
+from glint.tasks.stages.sphere_confirmation import confirm_found
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
 TRUTH = Sphere(58.3, 60.8, 30.4, score=0.5, centre_sd=0.2, radius_sd=0.2)
