@@ -53,44 +53,64 @@ def confirm_given(
 def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tuple[Sphere, StageWarning | None]:
     """Measure a given sphere; return the one to be used, and a warning where the frames contradict what was given."""
     confirmed = confirm_sphere(frames, given, camera=camera)
-    rim = settled_rim(frames, replace(given, score=confirmed.fit.score), camera, HAND_REACH_RATIO)
-    if rim is not None and not check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS).is_contradicted:
-        difference = max(given.distance(rim.sphere), abs(given.radius - rim.sphere.radius))
-        if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
-            return rim.sphere, _correction(given, rim.sphere, rim.sphere)
-        return beside(given, rim.sphere), None
+    of_rim = _of_rim(frames, given, confirmed, camera)
+    if of_rim is not None:
+        return of_rim
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
     deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS
     check = check_circle(frames, circle, camera=camera, deviations=deviations)
     if check.is_contradicted:
         return _against_highlights(given, confirmed, check)
-    if confirmed.is_corrected:
-        # An edge inside the contour that touches it has a smaller radius as well as another centre. Whoever drew the
-        # given circle bounds how much smaller.
-        largest = given.radius + hand_reach(given.radius)
-        lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
-        lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
-        used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
-        return used, _correction(given, confirmed.fit, used)
+    return _corrected(given, confirmed, check) if confirmed.is_corrected else _kept(given, confirmed, check)
+
+
+def _of_rim(
+    frames: np.ndarray, given: Sphere, confirmed: ConfirmedSphere, camera: np.ndarray | None
+) -> tuple[Sphere, StageWarning | None] | None:
+    """Return the sphere by the rim that it mirrors; None: no rim is seen, or the highlights contradict it."""
+    rim = settled_rim(frames, replace(given, score=confirmed.fit.score), camera, HAND_REACH_RATIO)
+    if rim is None or check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS).is_contradicted:
+        return None
+    difference = max(given.distance(rim.sphere), abs(given.radius - rim.sphere.radius))
+    if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
+        return rim.sphere, _correction(given, rim.sphere, rim.sphere)
+    return beside(given, rim.sphere), None
+
+
+def _corrected(given: Sphere, confirmed: ConfirmedSphere, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
+    """Return the fit that replaces a given circle, and the warning that it does.
+
+    An edge inside the contour that touches it has a smaller radius as well as another centre. Whoever drew the given
+    circle bounds how much smaller.
+    """
+    largest = given.radius + hand_reach(given.radius)
+    lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
+    lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
+    used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
+    return used, _correction(given, confirmed.fit, used)
+
+
+def _kept(given: Sphere, confirmed: ConfirmedSphere, check: CheckedCircle) -> tuple[Sphere, StageWarning | None]:
+    """Return a given circle that stands, and a warning where another one is clearer or its contour is not seen."""
     fit, shapes = confirmed.fit, check.shapes
     if shapes is not None and is_elsewhere(given, fit) and contradicts(shapes, fit, CORRECTION_DEVIATIONS):
         # What the highlights refute leaves no doubt about the given circle, unless they then contradict that too.
         used = beside_highlights(given, shapes, UNKNOWN_DEVIATION_RATIO * given.radius)
         if not contradicts(shapes, used):
             confirmed = replace(confirmed, sphere=used)
+    if confirmed.is_clear and not confirmed.is_disputed:
+        return confirmed.sphere, None
     if confirmed.is_disputed:
         message = (
             f"{_place(given)} is used as it is, although a circle at ({fit.x:.1f}, {fit.y:.1f}) with radius"
             f" {fit.radius:.1f} is clearer: compare both with the frame, and put a plain background behind the sphere"
         )
-        return confirmed.sphere, _warning(message, confirmed.sphere)
-    if confirmed.is_clear:
-        return confirmed.sphere, None
-    message = (
-        f"{_place(given)} is used as it is, since its contour is not seen: compare it with the frame, and put a plain"
-        " background behind the sphere"
-    )
+    else:
+        message = (
+            f"{_place(given)} is used as it is, since its contour is not seen: compare it with the frame, and put a"
+            " plain background behind the sphere"
+        )
     return confirmed.sphere, _warning(message, confirmed.sphere)
 
 

@@ -28,47 +28,74 @@ def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
 
 
 def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
-    """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
+    """Warn where the spheres leave the light uncertain, of the first cause alone.
+
+    spheres: in pixels of the full frame; result: the lights of all of them; is_near: whether these are corrected for
+    the parallax of a near light, so that spheres may disagree.
+    """
+    doubt = _contour_doubt(spheres, result) or _size_doubt(spheres) or _inner_edge_doubt(result)
+    if doubt is None and not is_near:
+        doubt = _disagreement(spheres, result)
+    return [] if doubt is None else [doubt]
+
+
+def _contour_doubt(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
+    """Return a warning of contours that are known too coarsely for the directions to the light."""
     # The error has two axes; that of the light is twice that of the half vector.
     error = float(np.degrees(sweep_error(spheres, result))) * np.sqrt(2.0)
-    if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
-        # A sphere that was given and stands has the score 1.
-        is_given = all(sphere.score == 1.0 for sphere in spheres)
-        worst = max(spheres, key=_contour_percent)
-        place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
-        message = (
-            f"the contour of the chrome sphere{place} is known to {_contour_percent(worst):.1f}% of its radius only, so"
-            f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
-            + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
-        )
-        return [StageWarning(message, "sphere", error)]
+    if not 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        return None
+    # A sphere that was given and stands has the score 1.
+    is_given = all(sphere.score == 1.0 for sphere in spheres)
+    worst = max(spheres, key=_contour_percent)
+    place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
+    message = (
+        f"the contour of the chrome sphere{place} is known to {_contour_percent(worst):.1f}% of its radius only, so"
+        f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
+        + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
+    )
+    return StageWarning(message, "sphere", error)
+
+
+def _size_doubt(spheres: Sequence[Sphere]) -> StageWarning | None:
+    """Return a warning of a sphere that was found and is small."""
     smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
-    if smallest < MIN_RADIUS_PX:
-        message = (
-            f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
-            " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
-        )
-        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
+    if smallest >= MIN_RADIUS_PX:
+        return None
+    message = (
+        f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
+        " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
+    )
+    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _inner_edge_doubt(result: Lights) -> StageWarning | None:
+    """Return a warning of highlights that lie where only those on a circle inside the contour do."""
     highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
     behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
-    if behind > MAX_BEHIND_SHARE:
-        message = (
-            f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
-            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
-            " give `spheres`"
-        )
-        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
+    if behind <= MAX_BEHIND_SHARE:
+        return None
+    message = (
+        f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
+        " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
+        " give `spheres`"
+    )
+    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _disagreement(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
+    """Return a warning of spheres whose half vectors differ by more than their contours explain."""
     median, _ = inter_sphere_angles(result)
     # Disagreement is measured from the middle of all spheres, which have the same weight in it.
     middle_error = np.linalg.norm([sweep_error([sphere], result) for sphere in spheres]) / len(spheres)
     expected = DISAGREEMENT_DEVIATIONS * float(np.degrees(middle_error)) * np.sqrt(2.0)
-    if not is_near and median > max(MIN_DISAGREEMENT_DEG, expected):
-        message = (
-            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
-            " or leave out the worse sphere"
-        )
-        return [StageWarning(message, "sphere", 2.0 * median)]
-    return []
+    if not median > max(MIN_DISAGREEMENT_DEG, expected):
+        return None
+    message = (
+        f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
+        " or leave out the worse sphere"
+    )
+    return StageWarning(message, "sphere", 2.0 * median)
 
 
 def _contour_percent(sphere: Sphere) -> float:
