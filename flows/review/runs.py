@@ -62,6 +62,11 @@ class Run:
         return asdict(self) | {"seconds": seconds, "error": on_page(self.error), "remedy": on_page(self.remedy)}
 
 
+def run_json(run: Run | None) -> dict[str, Any] | None:
+    """Return a run as JSON values, None for none."""
+    return None if run is None else run.to_json()
+
+
 class Runs:
     """The runs of a server, one at a time for each capture or object.
 
