@@ -12,7 +12,6 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.preflight import check_inputs
-from glint.storage.locations.location import LocationError
 from glint.tasks.agreement import agreement_warnings
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
@@ -81,7 +80,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         for declared in stages_until(LAST_STAGE):
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
-    except (InputError, LocationError, UnusableCapture) as error:
+    except (InputError, UnusableCapture) as error:
         warnings = [warning for record in records for warning in record.warnings]
         judged = failure_verdict(stage, error, warnings, _given_spheres(context))
         return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
@@ -164,7 +163,7 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
     pictures: tuple[Path, ...] = ()
-    with suppress(InputError, LocationError):
+    with suppress(InputError):
         pictures = (write_failure_picture(_brightest_frame(context), region, spheres, out),)
     picture = next(iter(pictures), None)
     warnings = by_cost(warning for record in records for warning in record.warnings)

@@ -7,7 +7,7 @@ from typing import Any
 from glint.storage.catalogue.confinement import resolved
 from glint.storage.catalogue.models import Capture
 from glint.storage.errors import InputError, StoreError
-from glint.storage.locations.location import Location, LocationError
+from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.code_provenance import code_provenance
@@ -74,7 +74,7 @@ def _is_same_video(work: CaptureContext, recorded: Mapping[str, Any]) -> bool:
         if address is not None and resolved(Location.parse(address)) == resolved(Location.parse(work.capture.frames)):
             return True
         return digest is not None and work.digest("frames") == digest
-    except (InputError, LocationError):
+    except InputError:
         return False
 
 

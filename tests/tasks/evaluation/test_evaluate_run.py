@@ -21,3 +21,6 @@ def test_an_unusable_truth_does_not_stop_the_others(simulated: Path, performed: 
     evaluations, faults = evaluate_captures(contexts, lambda name, message: None)
     assert len(evaluations) == 1
     assert "has shape 3 x 4 x 3" in faults[sound.name].message
+    misnamed = sound.capture.model_copy(update={"truth": "http://host/truth"})
+    _, faults = evaluate_captures([replace(sound, capture=misnamed)], lambda name, message: None)
+    assert "http:// are not supported" in faults[sound.name].message
