@@ -72,9 +72,13 @@ def review(
     session = kept_session(origins[0], password)
     access = Access(origins, session=session) if password is None else Access(origins, password, session)
     config = uvicorn.Config(
-        create_app(address, file, access, scheduler), log_level="warning", access_log=False, server_header=False,
-        lifespan="on", timeout_graceful_shutdown=2,
-    )  # fmt: skip
+        create_app(address, file, access, scheduler),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        lifespan="on",
+        timeout_graceful_shutdown=2,
+    )
     echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
     echo(f"to bookmark: {access.origins[0]}/")
     echo("press Ctrl+C to stop the server; runs that it started continue")

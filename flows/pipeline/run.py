@@ -32,9 +32,17 @@ class Summary:
 
 
 def run(
-    catalogue: str | Path, store: str, console: Sink, *, only: Sequence[str] = (), scheduler: str | None = None,
-    workers: int | None = None, rehash: bool = False, drift: float | None = None, adopt: bool = False,
-) -> Summary:  # fmt: skip
+    catalogue: str | Path,
+    store: str,
+    console: Sink,
+    *,
+    only: Sequence[str] = (),
+    scheduler: str | None = None,
+    workers: int | None = None,
+    rehash: bool = False,
+    drift: float | None = None,
+    adopt: bool = False,
+) -> Summary:
     """Run a catalogue.
 
     drift: degrees of change of an object's normals against its last version above which a warning is given.
@@ -101,9 +109,14 @@ def _unchanged_objects(
 
 
 def _run_flow(
-    arguments: tuple[Any, ...], server: Server, console: Sink, scheduler: str | None, workers: int | None, busy: int,
+    arguments: tuple[Any, ...],
+    server: Server,
+    console: Sink,
+    scheduler: str | None,
+    workers: int | None,
+    busy: int,
     unchanged: Mapping[str, "ObjectResult"],
-) -> "RunResult":  # fmt: skip
+) -> "RunResult":
     """Start or join a cluster, and run the flow of the catalogue on it, reported to the server.
 
     arguments: of `run_whole_catalogue`. scheduler: address of a running one, None for a local cluster of `workers`

@@ -57,9 +57,13 @@ def run_stages(
 
 @sent_from_worker()
 def run_last_stages(
-    capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None,
-    earlier: Sequence[StageRecord], n_captures: int,
-) -> tuple[list[StageRecord], str]:  # fmt: skip
+    capture: CaptureContext,
+    stages: Sequence[str],
+    keys: Mapping[str, str],
+    limit: int | None,
+    earlier: Sequence[StageRecord],
+    n_captures: int,
+) -> tuple[list[StageRecord], str]:
     """Run the last stages of a capture on a Dask worker, and make its page; see `run_stages` and `capture_page`.
 
     earlier: records of the stages before. Returns the records of all stages, and the page.
