@@ -7,6 +7,8 @@ import sys
 from contextlib import suppress
 
 EARLY_LINE = b"glint: interrupted; nothing was begun\n"
+STANDARD_OUTPUT, STANDARD_ERROR = 1, 2
+"""Numbers that processes give their streams."""
 
 
 class _Leave:
@@ -31,6 +33,7 @@ class _Leave:
 
 def main() -> None:
     """Run the command line, and end the process."""
+    _open_closed_streams()
     # Until the command has its own handler there is nothing to clean up, and Python would print a traceback.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
@@ -56,8 +59,22 @@ def run_command() -> None:
     command()
 
 
+def _open_closed_streams() -> None:
+    """Open the standard streams that whoever started the command has closed.
+
+    Otherwise a file of a store would get the number of one of them, and what this process and its children print.
+    """
+    while (handle := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:
+        os.set_inheritable(handle, True)
+    os.close(handle)
+    for name, handle in (("stdout", STANDARD_OUTPUT), ("stderr", STANDARD_ERROR)):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(handle, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
 def _end(number: int, frame: object) -> None:
-    os.write(2, EARLY_LINE)
+    with suppress(OSError):  # its reader may be gone
+        os.write(STANDARD_ERROR, EARLY_LINE)
     os._exit(130)
 
 

@@ -45,7 +45,7 @@ class GlintError(Exception):
 
 
 class InputError(GlintError):
-    """An input of a capture (video, image, mask, lights, annotations, truth) is missing or unusable."""
+    """An input (video, image, mask, lights, annotations, truth) or a given address is missing or unusable."""
 
 
 class StoreError(GlintError):

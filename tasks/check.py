@@ -12,7 +12,6 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.preflight import check_inputs
-from glint.storage.locations.location import LocationError
 from glint.tasks.agreement import agreement_warnings
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
@@ -81,10 +80,37 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         for declared in stages_until(LAST_STAGE):
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
-    except (InputError, LocationError, UnusableCapture) as error:
+    except (InputError, UnusableCapture) as error:
         warnings = [warning for record in records for warning in record.warnings]
         judged = failure_verdict(stage, error, warnings, _given_spheres(context))
         return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
+    return _measured(context, records, out, progress)
+
+
+def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:
+    """Return the checks of an object's captures with what spheres and scales of the others say of theirs.
+
+    Raises:
+        StoreError: the store fails.
+    """
+    usable = [context for context, result in checks if not result.error]
+    spheres = surveyed_spheres(usable)
+    warnings = agreement_warnings(usable, spheres)
+    agreed = list[Check]()
+    for context, result in checks:
+        offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.error else ""
+        offered = replace(result, error=f"{result.error}; {offer}") if offer else result
+        agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
+    return agreed
+
+
+def _measured(
+    context: CaptureContext,
+    records: Sequence[StageRecord],
+    out: Path,
+    progress: Callable[[str, int, int | None], None],
+) -> Check:
+    """Return the check of a capture whose stages up to the thresholds are done, and write its pictures; see `check`."""
     cache, geometry = open_frames(context), load_geometry(context)
     mask, half_vectors = context.load("mask").read("mask"), context.load("lights").read("half_vectors")
     observed, lit = _lit(cache, context.load("thresholds").read("thresholds"), half_vectors, progress)
@@ -120,23 +146,6 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     )
 
 
-def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:
-    """Return the checks of an object's captures with what spheres and scales of the others say of theirs.
-
-    Raises:
-        StoreError: the store fails.
-    """
-    usable = [context for context, result in checks if not result.error]
-    spheres = surveyed_spheres(usable)
-    warnings = agreement_warnings(usable, spheres)
-    agreed = list[Check]()
-    for context, result in checks:
-        offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.error else ""
-        offered = replace(result, error=f"{result.error}; {offer}") if offer else result
-        agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
-    return agreed
-
-
 def _with_warnings(context: CaptureContext, result: Check, warnings: Sequence[StageWarning]) -> Check:
     """Return a check of a capture that can be processed with further warnings, judged again."""
     if not warnings or result.observable is None or result.observed is None or result.frames is None:
@@ -164,15 +173,22 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
     pictures: tuple[Path, ...] = ()
-    with suppress(InputError, LocationError):
+    with suppress(InputError):
         pictures = (write_failure_picture(_brightest_frame(context), region, spheres, out),)
-    picture = next(iter(pictures), None)
-    warnings = by_cost(warning for record in records for warning in record.warnings)
-    seconds = sum(record.seconds for record in records)
     return Check(
-        context.name, judged, None, None, None, None, _texts(spheres), tuple(warnings), picture, pictures, seconds,
-        error,
-    )  # fmt: skip
+        name=context.name,
+        verdict=judged,
+        frames=None,
+        lights=None,
+        observable=None,
+        observed=None,
+        spheres=_texts(spheres),
+        warnings=tuple(by_cost(warning for record in records for warning in record.warnings)),
+        picture=next(iter(pictures), None),
+        pictures=pictures,
+        seconds=sum(record.seconds for record in records),
+        error=error,
+    )
 
 
 def _given_spheres(context: CaptureContext) -> tuple[Sphere, ...]:

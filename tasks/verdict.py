@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from glint.storage.errors import InputError
-from glint.storage.locations.location import LocationError
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableFrames, UnusableSphere
 from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -84,7 +83,7 @@ def verdict(
 
 def failure_verdict(
     stage: str,
-    error: InputError | LocationError | UnusableCapture,
+    error: InputError | UnusableCapture,
     warnings: Sequence[StageWarning] = (),
     given_spheres: Sequence[Sphere] = (),
 ) -> Verdict:
@@ -92,7 +91,7 @@ def failure_verdict(
 
     warnings: of the stages before; given_spheres: as for `verdict`.
     """
-    if isinstance(error, InputError | LocationError):
+    if isinstance(error, InputError):
         return Verdict(CORRECT, error.message)
     if stage in ("survey", "mask") and not isinstance(error, UnusableFrames):
         return Verdict(NEEDS_SPHERE if isinstance(error, UnusableSphere) else NEEDS_MASK, error.message)

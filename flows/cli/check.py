@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
     from glint.tasks.check import Check
     from glint.tasks.engine.capture_context import CaptureContext
+    from glint.tasks.engine.references import CaptureReference
 
 LOG = logging.getLogger(__name__)
 
@@ -37,58 +38,62 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Check captures before the long stages: spheres, lights, coverage, and what to record again."""
-    from glint.flows.errors import USER_ERRORS, message_and_remedy
     from glint.flows.pipeline.preflight import report_input_errors
     from glint.flows.reporting.console import open_console
-    from glint.flows.reporting.events import CaptureEnded, CaptureFailed
-    from glint.storage.errors import OutputError
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
-    from glint.tasks.check import check as check_capture
     from glint.tasks.check import with_agreement
     from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
-    from glint.tasks.verdict import GOOD, USABLE
 
-    catalogue, failed = load_catalogue(file), False
+    catalogue, address = load_catalogue(file), Location.parse(file).uri
     chosen = chosen_captures(catalogue.objects, only or ())
     place = Location.parse(chosen_store(store))
     check_conditional_writes(place)
-    checks = list["Check"]()
+    checks, is_complete = list["Check"](), True
     with open_console(as_json) as console:
         report_input_errors(catalogue, chosen, console)
         for object_id, capture_ids in chosen.items():
-            of_object = list[tuple["CaptureContext", "Check"]]()
-            for capture_id in capture_ids:
-                reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
-                name = str(reference)
-                try:
-                    context = reference.context()
-                    result = check_capture(context, out / object_id / capture_id, _progress(console, name))
-                except OutputError:
-                    raise  # a folder of pictures that cannot be written fails for all captures
-                except Exception as error:
-                    if not isinstance(error, USER_ERRORS):
-                        LOG.exception("%s", name)
-                    console.emit(CaptureFailed(name, ": ".join(message_and_remedy(error))))
-                    failed = True
-                    continue
-                of_object.append((context, result))
-                ended = CaptureFailed(name, result.error) if result.error else CaptureEnded(name, result.seconds)
-                console.emit(ended)
-            checks += with_agreement(of_object)
-    is_usable = any(not result.error for result in checks)
+            of_object = [
+                _checked(CaptureReference(address, object_id, capture_id, place.uri, "check"), out, console)
+                for capture_id in capture_ids
+            ]
+            known = [checked for checked in of_object if checked is not None]
+            is_complete = is_complete and len(known) == len(of_object)
+            checks += with_agreement(known)
     if as_json:
         print_lines(json_line("check", result, name="capture") for result in checks)
     else:
         _print_checks(checks, out)
-        if any(result.verdict.word not in (GOOD, USABLE) for result in checks):
-            echo(f"to correct inputs on their pictures: glint review {quote(file)}{store_option(store)}")
-        if is_usable:
-            echo(f"next: glint run {quote(file)}{store_option(store)}")
-        else:
-            fault = "the verdicts name" if checks else "failed"
-            echo(f"next: correct what {fault}, then glint check {quote(file)}{store_option(store)}")
-    sys.exit(1 if failed or any(result.error for result in checks) else 0)
+        _print_next(checks, file, store)
+    sys.exit(0 if is_complete and not any(result.error for result in checks) else 1)
+
+
+def _checked(reference: "CaptureReference", out: Path, console: "Sink") -> "tuple[CaptureContext, Check] | None":
+    """Check a capture, with its pictures in OUT/OBJECT/CAPTURE, and report its end; None: it could not be checked.
+
+    Raises:
+        OutputError: the pictures cannot be written, those of the other captures neither.
+    """
+    from glint.flows.errors import USER_ERRORS, message_and_remedy
+    from glint.flows.reporting.events import CaptureEnded, CaptureFailed
+    from glint.storage.errors import OutputError
+    from glint.tasks.check import check as check_capture
+
+    name = str(reference)
+    try:
+        context = reference.context()
+        folder = out / reference.object_id / reference.capture_id
+        result = check_capture(context, folder, _progress(console, name))
+    except OutputError:
+        raise
+    except Exception as error:
+        # Whatever is wrong with one capture does not keep the others from being checked.
+        if not isinstance(error, USER_ERRORS):
+            LOG.exception("%s", name)
+        console.emit(CaptureFailed(name, ": ".join(message_and_remedy(error))))
+        return None
+    console.emit(CaptureFailed(name, result.error) if result.error else CaptureEnded(name, result.seconds))
+    return context, result
 
 
 def _progress(console: "Sink", capture: str) -> Callable[[str, int, int | None], None]:
@@ -134,3 +139,17 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
         echo()
         echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
         echo("docs/commands.md explains the columns and the verdicts")
+
+
+def _print_next(checks: "Sequence[Check]", file: str, store: str | None) -> None:
+    """Print the commands that follow: to correct inputs, to run what can be used, or else to check again."""
+    from glint.tasks.verdict import GOOD, USABLE
+
+    arguments = f"{quote(file)}{store_option(store)}"
+    if any(result.verdict.word not in (GOOD, USABLE) for result in checks):
+        echo(f"to correct inputs on their pictures: glint review {arguments}")
+    if any(not result.error for result in checks):
+        echo(f"next: glint run {arguments}")
+    else:
+        fault = "the verdicts name" if checks else "failed"
+        echo(f"next: correct what {fault}, then glint check {arguments}")

@@ -139,7 +139,8 @@ def _write_evaluation(
 ) -> "tuple[str, Mapping[str, InputError]]":
     """Evaluate what succeeded, and write it to the folder.
 
-    Returns: the table, empty if nothing has a ground truth; and by capture why its ground truth cannot be used.
+    Returns: the table, empty if nothing has a ground truth; and by capture or model why its ground truth cannot be
+    used.
     """
     from glint.flows.reporting.events import Message
     from glint.storage.export.image_files import write_png
@@ -155,7 +156,8 @@ def _write_evaluation(
     contexts = evaluate_run.contexts_of(str(catalogue), store, result.run, done)
     evaluations, faults = evaluate_run.evaluate_captures(contexts, message)
     contexts = [context for context in contexts if context.name not in faults]
-    models = evaluate_run.evaluate_models(contexts, load_catalogue(catalogue))
+    models, model_faults = evaluate_run.evaluate_models(contexts, load_catalogue(catalogue))
+    faults |= model_faults
     ablations = evaluate_run.ablate_captures(contexts, message) if ablation else {}
     answered = evaluate_run.question_captures(contexts, questions, message) if questions else []
     if not evaluations:

@@ -1,5 +1,6 @@
 """`glint review`: the page in which a person sees captures, corrects their inputs and looks at their surfaces."""
 
+import errno
 import ipaddress
 import os
 import re
@@ -19,6 +20,8 @@ MIN_PASSWORD_CHARACTERS = 12
 """Fewest characters of a password for a page that other machines reach."""
 ORIGIN = re.compile(r"(https?)://([\w.-]+|\[[\da-f:.]+\])(?::(\d+))?/?", re.ASCII)
 """What an address has that browsers send as Origin: a scheme, a host and perhaps a port."""
+FOREIGN = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
+"""Errors of an address that is another machine's, or of a kind that this one does not have."""
 USUAL_PORTS = {"http": 80, "https": 443}
 """Ports that browsers leave out of Origin and Host."""
 END = "glint: the review page has stopped; what was saved is kept, and runs that it started continue"
@@ -69,9 +72,13 @@ def review(
     session = kept_session(origins[0], password)
     access = Access(origins, session=session) if password is None else Access(origins, password, session)
     config = uvicorn.Config(
-        create_app(address, file, access, scheduler), log_level="warning", access_log=False, server_header=False,
-        lifespan="on", timeout_graceful_shutdown=2,
-    )  # fmt: skip
+        create_app(address, file, access, scheduler),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        lifespan="on",
+        timeout_graceful_shutdown=2,
+    )
     echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
     echo(f"to bookmark: {access.origins[0]}/")
     echo("press Ctrl+C to stop the server; runs that it started continue")
@@ -138,21 +145,35 @@ def _listener(host: str, port: int | None) -> socket.socket:
     """Return a socket that listens on the port, or on the first free one.
 
     Raises:
-        InputError: none is free, or the port cannot be used.
+        InputError: none is free, the port cannot be used, or the address is another machine's.
     """
     from glint.storage.errors import InputError
 
     for number in (port,) if port is not None else range(REVIEW_PORT, REVIEW_PORT + PORTS):
-        listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind((host, number))
-            listener.listen()  # fails where another server has bound the port, too, and was faster
-        except OSError:
-            listener.close()
-            continue
-        return listener
+            return _bound(host, number)
+        except OSError as error:
+            if error.errno in FOREIGN:
+                message = f"--host {host} is not an address of this machine"
+                raise InputError(message, "give one that it has, such as 127.0.0.1") from error
     if port is not None:
         raise InputError(f"port {port} of {host} is taken, or may not be used", "give another with --port")
     last = REVIEW_PORT + PORTS - 1
     raise InputError(f"no port from {REVIEW_PORT} to {last} is free at {host}", "give another with --port")
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address.
+
+    Raises:
+        OSError: it cannot.
+    """
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen()  # fails where another server has bound the port, too, and was faster
+    except OSError:
+        listener.close()
+        raise
+    return listener

@@ -52,9 +52,16 @@ def run(
     address = chosen_store(store)
     with open_console(as_json) as console:
         summary = run_all(
-            file, address, console, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift,
+            file,
+            address,
+            console,
+            only=only or [],
+            scheduler=scheduler,
+            workers=workers,
+            rehash=rehash,
+            drift=drift,
             adopt=adopt,
-        )  # fmt: skip
+        )
     if as_json:
         from glint.flows.cli.tables import summary_json
 

@@ -11,9 +11,6 @@ def report_input_errors(catalogue: Catalogue, chosen: Mapping[str, Sequence[str]
     """Report all mistakes in the `.lp` files and the annotations of the chosen captures, before anything is decoded.
 
     chosen: ids of the captures by object. The captures themselves fail when their turn comes.
-
-    Raises:
-        StoreError: an object store cannot be read.
     """
     pairs = [(object_id, capture_id) for object_id, captures in chosen.items() for capture_id in captures]
     entries = (catalogue.object(object_id).capture(capture_id) for object_id, capture_id in pairs)

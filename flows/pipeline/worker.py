@@ -13,7 +13,7 @@ from glint.flows.reporting.events import (
     StageStarted,
 )
 from glint.flows.reporting.worker_events import WorkerEvents
-from glint.storage.errors import InputError
+from glint.storage.errors import GlintError
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform, stage_keys
@@ -57,9 +57,13 @@ def run_stages(
 
 @sent_from_worker()
 def run_last_stages(
-    capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None,
-    earlier: Sequence[StageRecord], n_captures: int,
-) -> tuple[list[StageRecord], str]:  # fmt: skip
+    capture: CaptureContext,
+    stages: Sequence[str],
+    keys: Mapping[str, str],
+    limit: int | None,
+    earlier: Sequence[StageRecord],
+    n_captures: int,
+) -> tuple[list[StageRecord], str]:
     """Run the last stages of a capture on a Dask worker, and make its page; see `run_stages` and `capture_page`.
 
     earlier: records of the stages before. Returns the records of all stages, and the page.
@@ -91,10 +95,15 @@ def compare_captures(
 
 
 def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:
-    """Return whether the spheres that are stored of a capture are those of its present inputs."""
-    with suppress(InputError):
-        key = stage_keys(context, [SURVEY])[SURVEY.name]
-        return context.capture.id not in failed and context.repository.stage_key(context.capture.id, SURVEY.name) == key
+    """Return whether the spheres that are stored of a capture are those of its present inputs.
+
+    A capture whose inputs or results cannot be read takes no part: those of the others do not depend on it.
+    """
+    capture_id = context.capture.id
+    if capture_id in failed:
+        return False
+    with suppress(GlintError):
+        return context.repository.stage_key(capture_id, SURVEY.name) == stage_keys(context, [SURVEY])[SURVEY.name]
     return False
 
 

@@ -77,7 +77,7 @@ class PlainLines(AbstractContextManager["PlainLines"]):
 
 
 def write_line(stream: IO[str], line: str) -> None:
-    """Write a line; a closed pipe does not stop the run."""
-    with suppress(BrokenPipeError):
+    """Write a line; a closed pipe, a full disk or a terminal that is gone does not stop the run."""
+    with suppress(OSError):
         stream.write(line + "\n")
         stream.flush()

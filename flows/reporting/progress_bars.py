@@ -2,7 +2,7 @@
 
 import threading
 import time
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 
 from rich.console import Console
@@ -72,11 +72,12 @@ class ProgressBars(AbstractContextManager["ProgressBars"]):
 
     def __exit__(self, *unused: object) -> None:
         """Remove the bars and keep the lines."""
-        self._progress.stop()
+        with suppress(OSError):
+            self._progress.stop()
 
     def emit(self, event: Event) -> None:
-        """Update the capture's bar, or print a line."""
-        with self._lock:
+        """Update the capture's bar, or print a line; a run goes on where its terminal is gone."""
+        with self._lock, suppress(OSError):
             if isinstance(event, StageStarted | StageProgress | StageEnded):
                 if event.capture not in self._ended:
                     self._update(event)

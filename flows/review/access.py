@@ -153,9 +153,13 @@ class Guard:
         answer = JSONResponse({"opened": True})
         secure = self._access.origins[0].startswith("https:")
         answer.set_cookie(
-            self._access.cookie, self._access.session, max_age=COOKIE_SECONDS, httponly=True, samesite="strict",
+            self._access.cookie,
+            self._access.session,
+            max_age=COOKIE_SECONDS,
+            httponly=True,
+            samesite="strict",
             secure=secure,
-        )  # fmt: skip
+        )
         return answer
 
 

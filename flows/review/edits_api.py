@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.merging import ConflictError
-from glint.storage.edits.models import Changes, EncodedMask, Line, Number, Revision
+from glint.storage.edits.models import CaptureEdits, Changes, EncodedMask, Line, Number, Revision
 from glint.storage.errors import NotFoundError
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.capture_inputs import check_changes, check_mask_head, mask_picture
@@ -61,10 +61,11 @@ def current(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> 
     review.context(object_id, capture_id)
     edits = review.edits(object_id)
     if edits is None:
-        return {"capture": capture_id, "revision": 0, "has_mask": False, "history": [], "notes": []}
-    newest = edits.current(capture_id)
-    history = [_revision(item) for item in reversed(edits.history(capture_id))]
-    undoable = edits.next_undo(capture_id)
+        # The store does not have the object yet.
+        newest, history, undoable = CaptureEdits(capture=capture_id, revision=0), list[dict[str, Any]](), None
+    else:
+        newest, undoable = edits.current(capture_id), edits.next_undo(capture_id)
+        history = [_revision(item) for item in reversed(edits.history(capture_id))]
     content = newest.model_dump(mode="json", exclude={"mask"})
     return content | {"has_mask": newest.mask is not None, "history": history, "undoable": undoable}
 

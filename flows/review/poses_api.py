@@ -6,6 +6,7 @@ from fastapi import APIRouter
 
 from glint.flows.review.dependencies import ObjectId, ReviewState
 from glint.flows.review.review import Review
+from glint.flows.review.runs import run_json
 from glint.storage.errors import NotFoundError
 
 router = APIRouter(prefix="/objects/{object_id}")
@@ -48,15 +49,13 @@ def start(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
 @router.get("/run")
 def state(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
     """Return the newest run of an object that the page has started; null: none."""
-    run = review.runs.of(object_id)
-    return None if run is None else run.to_json()
+    return run_json(review.runs.of(object_id))
 
 
 @router.delete("/run", status_code=202)
 def stop(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
     """Stop the run of an object that the page has started, which takes seconds; null: none."""
-    run = review.runs.stop(object_id)
-    return None if run is None else run.to_json()
+    return run_json(review.runs.stop(object_id))
 
 
 def _model(review: Review, object_id: str) -> tuple[dict[str, Any], dict[str, str]]:

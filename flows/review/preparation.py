@@ -19,7 +19,8 @@ class Preparation:
     @property
     def is_idle(self) -> bool:
         """True if everything that was shown is prepared, or cannot be."""
-        return self._thread is None or not self._thread.is_alive()
+        thread = self._thread  # another thread may set it to None meanwhile
+        return thread is None or not thread.is_alive()
 
     def show(self, context: CaptureContext) -> None:
         """Prepare a capture that a browser has opened; return at once."""

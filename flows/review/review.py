@@ -114,7 +114,8 @@ class Review:
 
     def edits(self, object_id: str) -> Edits | None:
         """Open the edits of an object, None where the store does not have it yet."""
-        return None if self.repository(object_id) is None else Edits.open(self.location, object_id, create=False)
+        repository = self.repository(object_id)
+        return None if repository is None else Edits(repository)
 
     def _listed(self, object_id: str) -> Object | None:
         """Return an object as the catalogue lists it, None where there is no catalogue or it is not in it."""

@@ -6,7 +6,6 @@ The process is independent of the server: it outlives the server, and so writes 
 import json
 import logging
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -63,6 +62,11 @@ class Run:
         return asdict(self) | {"seconds": seconds, "error": on_page(self.error), "remedy": on_page(self.remedy)}
 
 
+def run_json(run: Run | None) -> dict[str, Any] | None:
+    """Return a run as JSON values, None for none."""
+    return None if run is None else run.to_json()
+
+
 class Runs:
     """The runs of a server, one at a time for each capture or object.
 
@@ -96,12 +100,14 @@ class Runs:
 
         What is finished is kept, as after Ctrl-C. The run ends within seconds, not at once.
         """
+        # SIGTERM, not SIGINT: a server that was started in the background ignores that, and so do its processes until
+        # they handle it themselves.
         with self._lock:
             run = self._runs.get(capture)
             if run is not None and run.state == "running" and not run.is_stopping:
                 run.is_stopping = True
                 if capture in self._processes:
-                    self._processes[capture].send_signal(signal.SIGINT)
+                    self._processes[capture].terminate()
         return run
 
     def _follow(self, run: Run, command: Sequence[str]) -> None:
@@ -115,7 +121,7 @@ class Runs:
                 with self._lock:
                     self._processes[run.capture] = process
                     if run.is_stopping:
-                        process.send_signal(signal.SIGINT)
+                        process.terminate()
                 for _ in _events(run, process, output, errors):
                     self._changed()
         except OSError as error:

@@ -5,6 +5,7 @@ from typing import Any
 from fastapi import APIRouter
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
+from glint.flows.review.runs import run_json
 
 router = APIRouter()
 
@@ -19,12 +20,10 @@ def start(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> di
 @router.get("/captures/{object_id}/{capture_id}/run")
 def state(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any] | None:
     """Return the newest run of a capture that the page has started; null: none."""
-    run = review.runs.of(f"{object_id}/{capture_id}")
-    return None if run is None else run.to_json()
+    return run_json(review.runs.of(f"{object_id}/{capture_id}"))
 
 
 @router.delete("/captures/{object_id}/{capture_id}/run", status_code=202)
 def stop(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any] | None:
     """Stop the run of a capture that the page has started, which takes seconds; null: none."""
-    run = review.runs.stop(f"{object_id}/{capture_id}")
-    return None if run is None else run.to_json()
+    return run_json(review.runs.stop(f"{object_id}/{capture_id}"))

@@ -11,6 +11,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
@@ -62,8 +63,10 @@ def _handle(number: int, frame: FrameType | None) -> None:
         os._exit(EXIT_STATUS)
     if not _interrupted.is_set():
         _interrupted.set()
-        # Unbuffered and without a lock, which the interrupted code may hold.
-        os.write(2, f"{_line}\n".encode())
+        # The terminal, or the reader of a pipe, may be gone; the run must end nevertheless.
+        with suppress(OSError):
+            # Unbuffered and without a lock, which the interrupted code may hold.
+            os.write(2, f"{_line}\n".encode())
         # Where the interrupt comes between a coroutine's call and its await, Python would warn of it at the end.
         warnings.filterwarnings("ignore", r"coroutine .* was never awaited", RuntimeWarning)
         for seconds, call, arguments in ((REPEAT_SECONDS, _repeated.set, []), (GRACE_SECONDS, os._exit, [EXIT_STATUS])):

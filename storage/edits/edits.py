@@ -168,9 +168,14 @@ class Edits:
         return self._save(capture_id, lambda before: nothing, author, "all edits taken back", or_damaged=True)
 
     def _save(
-        self, capture_id: str, decide: Decision, author: str, sentence: str, undoes: int | None = None,
+        self,
+        capture_id: str,
+        decide: Decision,
+        author: str,
+        sentence: str,
+        undoes: int | None = None,
         or_damaged: bool = False,
-    ) -> Revision | None:  # fmt: skip
+    ) -> Revision | None:
         check_name(capture_id, "capture")
         author, token = _line(author, "the author's name"), uuid4().hex
         sentence = _line(sentence, "the sentence") if sentence else ""

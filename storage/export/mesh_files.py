@@ -42,31 +42,37 @@ class Mesh:
 def read_ply(data: bytes, unit: str, name: str = "the mesh") -> Mesh:
     """Return the mesh in a binary PLY file with vertex normals and triangles, as the store keeps it.
 
+    Nothing in the file is trusted: a store may come from anybody.
+
     Raises:
         StoreError: it is something else; `name` names it in the message.
     """
     header, mark, body = data.partition(b"end_header\n")
     text = header.decode("ascii", "replace")
-    sizes = {kind: int(count) for kind, count in re.findall(r"^element (\w+) (\d+)$", text, re.MULTILINE)}
+    sizes = {kind: int(count) for kind, count in re.findall(r"^element (\w+) (\d{1,12})$", text, re.MULTILINE)}
     properties = re.findall(r"^property (\w+) (\w+)$", text, re.MULTILINE)
     if not mark or "format binary_little_endian 1.0" not in text or not {"vertex", "face"} <= sizes.keys():
         raise StoreError(f"{name} is not a binary PLY file of a mesh", PLY_REMEDY)
     if "property list uchar int vertex_ind" not in text or any(kind not in _PLY_TYPES for kind, _ in properties):
         raise StoreError(f"{name} is a PLY file of another arrangement than Glint writes", PLY_REMEDY)
+    labels = [label for _, label in properties]
+    if len(set(labels)) < len(labels):
+        raise StoreError(f"{name} is a PLY file that names a property twice", PLY_REMEDY)
     vertex = np.dtype([(label, _PLY_TYPES[kind]) for kind, label in properties])
     face = np.dtype([("corners", "u1"), ("triangle", "<i4", (3,))])
     split = sizes["vertex"] * vertex.itemsize
-    if len(body) != split + sizes["face"] * face.itemsize or not {"x", "y", "z", "nx", "ny", "nz"} <= set(
-        vertex.names or ()
-    ):
+    if len(body) != split + sizes["face"] * face.itemsize or not {"x", "y", "z", "nx", "ny", "nz"} <= set(labels):
         raise StoreError(f"{name} is truncated, or lacks normals or triangles", PLY_REMEDY)
     vertices, faces = np.frombuffer(body[:split], vertex), np.frombuffer(body[split:], face)
+    corners = faces["triangle"]
+    if (faces["corners"] != 3).any() or (corners < 0).any() or (corners >= len(vertices)).any():
+        raise StoreError(f"{name} has faces that are no triangles of its {len(vertices):,} vertices", PLY_REMEDY)
     missing = np.full(len(vertices), np.nan, np.float32)
     return Mesh(
         np.stack([vertices[axis] for axis in ("x", "y", "z")], axis=-1).astype(np.float32),
-        faces["triangle"].copy(),
+        corners.copy(),
         np.stack([vertices[axis] for axis in ("nx", "ny", "nz")], axis=-1).astype(np.float32),
-        vertices["confidence"].astype(np.float32) if "confidence" in (vertex.names or ()) else missing,
+        vertices["confidence"].astype(np.float32) if "confidence" in labels else missing,
         unit,
     )
 
@@ -80,8 +86,11 @@ def with_asset_facts(data: bytes, facts: Mapping[str, str]) -> bytes:
     if len(data) < 20 or data[:8] != _GLB_HEADER or data[16:20] != b"JSON":
         raise StoreError("the mesh is not a binary glTF file", PLY_REMEDY)
     end = 20 + int.from_bytes(data[12:16], "little")
-    tree = json.loads(data[20:end])
-    tree["asset"]["extras"] = tree["asset"].get("extras", {}) | facts
+    try:
+        tree = json.loads(data[20:end])
+        tree["asset"]["extras"] = tree["asset"].get("extras", {}) | facts
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise StoreError("the mesh is a binary glTF file without a description of itself", PLY_REMEDY) from error
     text = json.dumps(tree, separators=(",", ":")).encode()
     # Chunks are padded to multiples of four bytes, the JSON chunk with spaces.
     text += b" " * (-len(text) % 4)

@@ -85,12 +85,19 @@ def discard_frames(location: Location, digest: str) -> None:
         if location.local is None:
             remove_frames(location, [CachedFrames(digest, 0, datetime.now(UTC))])
             return
-        _remove_folder(location.local / "frames", digest, ignore_errors=True)
+        # The other process may be filling them again by now.
+        _remove_folder(location.local / "frames", digest, ignored=OSError)
 
 
-def _remove_folder(cache: Path, digest: str, ignore_errors: bool = False) -> None:
+def _remove_folder(cache: Path, digest: str, ignored: type[OSError] = FileNotFoundError) -> None:
+    """Remove the frames of a digest; by default it does not matter if another process removes them too."""
+
+    def ignore(function: object, path: str, error: BaseException) -> None:
+        if not isinstance(error, ignored):
+            raise error
+
     (cache / digest / METADATA_FILE).unlink(missing_ok=True)
-    shutil.rmtree(cache / digest, ignore_errors)
+    shutil.rmtree(cache / digest, onexc=ignore)
     (cache / f"{digest}.used").unlink(missing_ok=True)
 
 
@@ -101,7 +108,10 @@ def mark_used(location: Location, digest: str) -> None:
 
 
 def _files(location: Location, digest: str = "") -> Iterator[tuple[str, int, datetime]]:
-    """Yield path below the cache, size in bytes and time of change of all files, or of those of a digest."""
+    """Yield path below the cache, size in bytes and time of change of all files, or of those of a digest.
+
+    Files that vanish meanwhile are left out: a writer renames its own, and another process may evict some.
+    """
     if location.local is None:
         for batch in obstore.list(location.child("frames").obstore(), prefix=digest or None):
             for meta in batch:
@@ -110,7 +120,10 @@ def _files(location: Location, digest: str = "") -> Iterator[tuple[str, int, dat
     root = location.local / "frames"
     for folder, _, names in root.walk():
         for name in names:
-            status = (folder / name).lstat()
+            try:
+                status = (folder / name).lstat()
+            except FileNotFoundError:
+                continue
             if stat.S_ISREG(status.st_mode):
                 path = (folder / name).relative_to(root).as_posix()
                 yield path, status.st_size, datetime.fromtimestamp(status.st_mtime, UTC)

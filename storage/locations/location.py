@@ -14,7 +14,7 @@ import icechunk
 import zarr.storage
 from obstore.store import AzureStore, LocalStore, ObjectStore, S3Store
 
-from glint.storage.errors import GlintError
+from glint.storage.errors import InputError
 from glint.storage.locations.credentials import azure_options, s3_options
 from glint.storage.locations.foreign_threads import await_foreign_threads
 
@@ -30,7 +30,7 @@ METADATA_FILE = "zarr.json"
 _FORMS = "give a path, s3://bucket/key or az://container/key"
 
 
-class LocationError(GlintError):
+class LocationError(InputError):
     """An address that is malformed or leaves its folder."""
 
 

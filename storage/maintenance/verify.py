@@ -85,7 +85,7 @@ def verify_store(
     """
     check_store(location)
     ids = sorted(chosen) or object_ids(location)
-    parts, damages, size = list[Part](), list[Damage](), 0
+    parts, damages = list[Part](), list[Damage]()
     versions = dict[str, list[str]]()
     for object_id in ids:
         try:
@@ -101,15 +101,32 @@ def verify_store(
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
         parts += [partial(_verify_frames, location, cache.digest) for cache in cached_frames(location)]
-    with ThreadPoolExecutor(min(MAX_READERS, 2 * (os.cpu_count() or 1))) as pool:
-        futures = [pool.submit(part) for part in parts]
-        for done, future in enumerate(as_completed(futures), 1):
-            read, damaged = future.result()
-            size, damages = size + read, damages + damaged
-            progress(done, len(parts))
+    size, part_damages = _read(parts, progress)
+    damages += part_damages
     damages = [_with_remedy(damage, damages, versions.get(damage.object_id, [])) for damage in damages]
     ordered = sorted(set(damages), key=lambda damage: (damage.object_id, damage.version, damage.message))
     return StoreVerification(location.uri, len(ids), sum(map(len, versions.values())), size, tuple(ordered))
+
+
+def _read(parts: Collection[Part], progress: Callable[[int, int], None]) -> tuple[int, list[Damage]]:
+    """Read parts side by side; return their bytes together, and all that is damaged.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    size, damages = 0, list[Damage]()
+    with ThreadPoolExecutor(min(MAX_READERS, 2 * (os.cpu_count() or 1))) as pool:
+        futures = [pool.submit(part) for part in parts]
+        try:
+            for done, future in enumerate(as_completed(futures), 1):
+                read, damaged = future.result()
+                size += read
+                damages += damaged
+                progress(done, len(parts))
+        finally:
+            # After an interrupt, or where the store has gone away, the parts that have not begun are left unread.
+            pool.shutdown(wait=False, cancel_futures=True)
+    return size, damages
 
 
 def _parts(repository: ObjectRepository, names: Collection[str]) -> Iterator[Part]:

@@ -51,18 +51,26 @@ def evaluate_captures(
     return evaluations, faults
 
 
-def evaluate_models(contexts: Sequence[CaptureContext], catalogue: Catalogue) -> list[ModelEvaluation]:
+def evaluate_models(
+    contexts: Sequence[CaptureContext], catalogue: Catalogue
+) -> tuple[list[ModelEvaluation], dict[str, InputError]]:
     """Compare the merged model of each object with its true surface; objects without one are left out.
 
     So are those of which `contexts` lack a capture that the model is made of. Captures of an object stand next to each
     other.
+
+    Returns: the evaluations, and by OBJECT/model why its true surface cannot be used.
     """
-    evaluations = []
+    evaluations, faults = list[ModelEvaluation](), dict[str, InputError]()
     for object_id, captures in groupby(contexts, lambda context: context.object_id):
-        evaluation = evaluate_model(catalogue.object(object_id), list(captures))
+        try:
+            evaluation = evaluate_model(catalogue.object(object_id), list(captures))
+        except InputError as error:
+            faults[f"{object_id}/{MODEL}"] = error
+            continue
         if evaluation is not None:
             evaluations.append(evaluation)
-    return evaluations
+    return evaluations, faults
 
 
 def ablate_captures(contexts: Sequence[CaptureContext], report: Report) -> dict[str, dict[str, tuple[float, float]]]:

@@ -57,47 +57,21 @@ def scale_of(
         camera: perspective camera's matrix (3, 3).
         extent: longer side of the object's region, pixels.
     """
-    diameters, sizes = list[float](), list[float]()
-    for sphere, circle in zip(given, used, strict=False):
-        if sphere.diameter_mm is not None:
-            diameters.append(sphere.diameter_mm)
-            # A circle may be corrected for its centre alone. Views of one object must agree in scale: noise of single
-            # radii would turn them on their turntable.
-            radius = circle.radius if is_radius_corrected(sphere.radius, circle) else sphere.radius
-            sizes.append(_pixel_size(sphere.diameter_mm, replace(circle, radius=radius), camera))
-    warnings = [
-        _warning(f"`diameter_mm` {diameter:g} is {_comparison(diameter)}: give it in millimetres")
-        for diameter in diameters
-        if not MIN_DIAMETER_MM <= diameter <= MAX_DIAMETER_MM
-    ]
-    if not sizes:
+    measured = _measured_scales(given, used, camera)
+    if not measured:
         return Scale(pixel_size, [] if pixel_size is None else _unlikely(pixel_size, used, camera, extent))
-    texts = " and ".join(f"{size:.3g}" for size in sizes)
-    if max(sizes) > MAX_SCALE_RATIO * min(sizes):
-        warnings.append(
-            _warning(f"the spheres contradict each other: {texts} mm per pixel; correct a `diameter_mm` or a radius")
-        )
+    warnings, sizes = _doubts_of_spheres(measured), [size for _, size in measured]
     if pixel_size is None:
         mean = float(np.mean(sizes))
-        if not warnings and extent is not None and not MIN_OBJECT_MM <= mean * extent <= MAX_OBJECT_MM:
-            warnings.append(
-                _warning(
-                    f"`diameter_mm` {_joined_numbers(diameters)} makes the object {length_text(mean * extent)} large:"
-                    " correct it, or the sphere's circle"
-                )
-            )
-        return Scale(mean, warnings)
+        return Scale(mean, warnings or _unlikely_diameters([diameter for diameter, _ in measured], mean, extent))
     if max(pixel_size, *sizes) > MAX_SCALE_RATIO * min(pixel_size, *sizes):
         owners = "sphere's" if len(sizes) == 1 else "spheres'"
-        warnings.append(
-            _warning(
-                f"`pixel_size` {pixel_size:.3g} contradicts the {owners} {texts} mm per pixel: it is used; correct or"
-                " remove it, or correct `diameter_mm`"
-            )
+        contradiction = _warning(
+            f"`pixel_size` {pixel_size:.3g} contradicts the {owners} {_joined_scales(sizes)} mm per pixel: it is used;"
+            " correct or remove it, or correct `diameter_mm`"
         )
-    elif not warnings:
-        warnings += _unlikely(pixel_size, (), camera, extent)
-    return Scale(pixel_size, warnings)
+        return Scale(pixel_size, [*warnings, contradiction])
+    return Scale(pixel_size, warnings or _unlikely(pixel_size, (), camera, extent))
 
 
 def length_text(millimetres: float) -> str:
@@ -106,6 +80,46 @@ def length_text(millimetres: float) -> str:
     if metres >= 1.0:
         return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.3g} m"
     return f"{millimetres:.3g} mm" if millimetres >= 0.1 else f"{1e3 * millimetres:.3g} micrometres"
+
+
+def _measured_scales(
+    given: Sequence[models.Sphere], used: Sequence[Sphere], camera: np.ndarray | None
+) -> list[tuple[float, float]]:
+    """Return the diameter in millimetres of each sphere that has one, and the millimetres of a pixel that it gives."""
+    measured = list[tuple[float, float]]()
+    for sphere, circle in zip(given, used, strict=False):
+        if sphere.diameter_mm is not None:
+            # A circle may be corrected for its centre alone. Views of one object must agree in scale: noise of single
+            # radii would turn them on their turntable.
+            radius = circle.radius if is_radius_corrected(sphere.radius, circle) else sphere.radius
+            size = _pixel_size(sphere.diameter_mm, replace(circle, radius=radius), camera)
+            measured.append((sphere.diameter_mm, size))
+    return measured
+
+
+def _doubts_of_spheres(measured: Sequence[tuple[float, float]]) -> list[StageWarning]:
+    """Return warnings of diameters that no chrome sphere has, and of scales that contradict each other.
+
+    measured: diameter in millimetres, and millimetres of a pixel, of each sphere; not empty.
+    """
+    warnings = [
+        _warning(f"`diameter_mm` {diameter:g} is {_comparison(diameter)}: give it in millimetres")
+        for diameter, _ in measured
+        if not MIN_DIAMETER_MM <= diameter <= MAX_DIAMETER_MM
+    ]
+    sizes = [size for _, size in measured]
+    if max(sizes) > MAX_SCALE_RATIO * min(sizes):
+        disagreement = f"the spheres contradict each other: {_joined_scales(sizes)} mm per pixel"
+        warnings.append(_warning(f"{disagreement}; correct a `diameter_mm` or a radius"))
+    return warnings
+
+
+def _unlikely_diameters(diameters: Sequence[float], pixel_size: float, extent: float | None) -> list[StageWarning]:
+    """Return a warning of diameters whose `pixel_size` makes the object larger or smaller than any."""
+    if extent is None or MIN_OBJECT_MM <= pixel_size * extent <= MAX_OBJECT_MM:
+        return []
+    consequence = f"makes the object {length_text(pixel_size * extent)} large"
+    return [_warning(f"`diameter_mm` {_joined_numbers(diameters)} {consequence}: correct it, or the sphere's circle")]
 
 
 def _unlikely(
@@ -131,6 +145,10 @@ def _unlikely(
 
 def _joined_numbers(numbers: Sequence[float]) -> str:
     return " and ".join(f"{number:g}" for number in numbers)
+
+
+def _joined_scales(sizes: Sequence[float]) -> str:
+    return " and ".join(f"{size:.3g}" for size in sizes)
 
 
 def _warning(message: str) -> StageWarning:

@@ -1,49 +1,16 @@
-"""Doubt of the spheres: where the frames contradict given ones, what their fits leave uncertain in the half
-vectors, and where two disagree."""
+"""Doubt of the spheres: what their fits leave uncertain in the half vectors, and where two of them disagree."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
-from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES, spread
-from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
-from glint.tasks.algorithms.sphere_checks.circle_check import (
-    MIN_CONTRADICTION_DEVIATIONS,
-    CheckedCircle,
-    beside_highlights,
-    check_circle,
-    contradicts,
-    radius_lacking,
-)
-from glint.tasks.algorithms.sphere_checks.given_circle import (
-    HAND_REACH_RATIO,
-    UNKNOWN_DEVIATION_RATIO,
-    ConfirmedSphere,
-    beside,
-    confirm_sphere,
-    hand_reach,
-    is_elsewhere,
-    judged,
-)
-from glint.tasks.algorithms.sphere_checks.mirrored_rim import settled_rim, with_mirrored_rim
 from glint.tasks.engine.stage_warning import StageWarning
 
-CORRECTION_DEVIATIONS = 2.3
-"""Standard deviations from which highlights contradict a fit that would replace a given circle, which stands against it
-(`python -m tests.benchmarks.spheres_given`)."""
-RIM_CORRECTION_RATIO = 0.03
-"""Difference from a given circle, in radii, from which that of its rim replaces it: of spheres above the table these
-are up to 2% too large."""
 MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
-MIN_OWN_CONTRAST, HAND_DEVIATION_RATIO = 0.5, 0.06
-"""Contrast of a given circle, relative to that of an edge beside it, below which it has no edge of its own (right ones
-have 0.75 and more), and the standard deviation of its radius then: by hand one errs by 6%."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
 MIN_RADIUS_PX = 19.5
@@ -54,144 +21,6 @@ MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 half vectors that this has."""
 
 
-def confirm_given(
-    frames: np.ndarray, given: list[Sphere], camera: np.ndarray | None
-) -> tuple[list[Sphere], list[StageWarning]]:
-    """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
-    frames = spread(frames, FIT_FRAMES)
-    confirmed = [_confirm(frames, sphere, camera) for sphere in given]
-    return [sphere for sphere, _ in confirmed], [warning for _, warning in confirmed if warning is not None]
-
-
-def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tuple[Sphere, StageWarning | None]:
-    """Measure a given sphere; return the one to be used, and a warning where the frames contradict what was given."""
-    confirmed = confirm_sphere(frames, given, camera=camera)
-    rim = settled_rim(frames, replace(given, score=confirmed.fit.score), camera, HAND_REACH_RATIO)
-    if rim is not None and not check_circle(frames, rim.sphere, deviations=CORRECTION_DEVIATIONS).is_contradicted:
-        difference = max(given.distance(rim.sphere), abs(given.radius - rim.sphere.radius))
-        if is_elsewhere(given, rim.sphere) and difference > RIM_CORRECTION_RATIO * given.radius:
-            return rim.sphere, _correction(given, rim.sphere, rim.sphere)
-        return beside(given, rim.sphere), None
-    # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
-    circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
-    deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS
-    check = check_circle(frames, circle, camera=camera, deviations=deviations)
-    if check.is_contradicted:
-        return _against_highlights(given, confirmed, check)
-    if confirmed.is_corrected:
-        # An edge inside the contour that touches it has a smaller radius as well as another centre. Whoever drew the
-        # given circle bounds how much smaller.
-        largest = given.radius + hand_reach(given.radius)
-        lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
-        lacking = min(lacking, max(largest - confirmed.fit.radius, 0.0))
-        used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
-        return used, _correction(given, confirmed.fit, used)
-    fit, shapes = confirmed.fit, check.shapes
-    if shapes is not None and is_elsewhere(given, fit) and contradicts(shapes, fit, CORRECTION_DEVIATIONS):
-        # What the highlights refute leaves no doubt about the given circle, unless they then contradict that too.
-        used = beside_highlights(given, shapes, UNKNOWN_DEVIATION_RATIO * given.radius)
-        if not contradicts(shapes, used):
-            confirmed = replace(confirmed, sphere=used)
-    if confirmed.is_disputed:
-        message = (
-            f"{_place(given)} is used as it is, although a circle at ({fit.x:.1f}, {fit.y:.1f}) with radius"
-            f" {fit.radius:.1f} is clearer: compare both with the frame, and put a plain background behind the sphere"
-        )
-        return confirmed.sphere, _warning(message, confirmed.sphere)
-    if confirmed.is_clear:
-        return confirmed.sphere, None
-    message = (
-        f"{_place(given)} is used as it is, since its contour is not seen: compare it with the frame, and put a plain"
-        " background behind the sphere"
-    )
-    return confirmed.sphere, _warning(message, confirmed.sphere)
-
-
-def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
-    """Return the sphere to be used, and a warning, where highlights contradict a given circle or the fit that replaces
-    it: if they contradict the fit alone, the given one stands against it, and its contrast decides between it and a
-    circle that they allow."""
-    fit, shapes = check.before, check.shapes
-    assert shapes is not None
-    unknown = UNKNOWN_DEVIATION_RATIO * given.radius
-    stated = replace(given, centre_sd=unknown, radius_sd=unknown)
-    if not confirmed.is_corrected or contradicts(shapes, stated):
-        return check.sphere, _contradiction(check, given)
-    radius_sd = unknown
-    # An edge inside the sphere about its centre is smaller than blur of the highlights explains.
-    is_inside = radius_lacking(check.sphere, shapes) > 0.0 and radius_lacking(given, shapes) == 0.0
-    if check.is_replaced and not is_inside:
-        other = judged(given, replace(check.sphere, score=check.contrast), confirmed.given_contrast * fit.score)
-        if other.is_corrected:
-            return other.sphere, _correction(given, other.fit, other.sphere)
-        radius_sd = other.sphere.radius_sd
-    elif confirmed.given_contrast < MIN_OWN_CONTRAST:
-        radius_sd = HAND_DEVIATION_RATIO * given.radius
-    used = beside_highlights(given, shapes, radius_sd)
-    message = (
-        f"{_place(given)} is used as it is: a clearer circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius"
-        f" {fit.radius:.1f}, contradicts the shapes of the highlights: compare it with the frame, and put a plain"
-        " background behind the sphere"
-    )
-    return used, _warning(message, used)
-
-
-def _place(given: Sphere) -> str:
-    return f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f}"
-
-
-def _warning(message: str, used: Sphere) -> StageWarning:
-    """Return a warning that costs what the centre of the sphere that is used is off, in degrees of its normals."""
-    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
-
-
-def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
-    """Return the warning that a fit replaces a given circle."""
-    message = (
-        f"{_place(given)} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used: correct"
-        " `spheres` in the catalogue"
-    )
-    return _warning(message, used)
-
-
-def confirm_found(
-    frames: np.ndarray, spheres: Sequence[Sphere], camera: np.ndarray | None
-) -> tuple[list[Sphere], list[StageWarning]]:
-    """Compare found spheres with their rims and highlights, and with one another; return those to be used.
-
-    Also returned are a warning where the highlights contradict a circle, and one of each sphere that is left out since
-    its lights contradict the others'. Of two, the one stays that agrees better with its own highlights.
-
-    Args:
-        frames: (T, H, W) uint8, spread over the capture.
-        spheres: best first, in the frames' pixels.
-        camera: perspective camera's matrix (3, 3).
-    """
-    many = spread(frames, FIT_FRAMES)
-    measured = [with_mirrored_rim(many, sphere, camera) for sphere in spheres]
-    checked = [check_circle(many, sphere, camera=camera) for sphere in measured]
-    checked.sort(key=attrgetter("misfit"))
-    used, sentences = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
-    warnings = [_contradiction(check) for check in checked if check.is_contradicted and check.sphere in used]
-    return used, warnings + [StageWarning(sentence, "sphere") for sentence in sentences]
-
-
-def _contradiction(check: CheckedCircle, given: Sphere | None = None) -> StageWarning:
-    """Return the warning of a circle, found or given, that the highlights contradict."""
-    circle, used, shapes = check.before, check.sphere, check.shapes
-    assert shapes is not None
-    replacement = f"the one at ({used.x:.1f}, {used.y:.1f}) with radius {used.radius:.1f} is used"
-    outcome = replacement if check.is_replaced else "no other circle is clear"
-    clearest = f"the clearest circle, at ({circle.x:.1f}, {circle.y:.1f}) with radius {circle.radius:.1f},"
-    subject, remedy = (clearest, "give") if given is None else (_place(given), "correct")
-    message = (
-        f"{subject} contradicts the shapes of the highlights, which are those on a sphere at"
-        f" ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of at most {shapes.max_radius:.1f}; {outcome}: compare it"
-        f" with the frame, and {remedy} `spheres` in the catalogue"
-    )
-    return _warning(message, used)
-
-
 def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
     """Return the RMS of `spheres_error` over all accepted lights, radians; 0 without lights."""
     errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
@@ -199,47 +28,74 @@ def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
 
 
 def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
-    """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
+    """Warn where the spheres leave the light uncertain, of the first cause alone.
+
+    spheres: in pixels of the full frame; result: the lights of all of them; is_near: whether these are corrected for
+    the parallax of a near light, so that spheres may disagree.
+    """
+    doubt = _contour_doubt(spheres, result) or _size_doubt(spheres) or _inner_edge_doubt(result)
+    if doubt is None and not is_near:
+        doubt = _disagreement(spheres, result)
+    return [] if doubt is None else [doubt]
+
+
+def _contour_doubt(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
+    """Return a warning of contours that are known too coarsely for the directions to the light."""
     # The error has two axes; that of the light is twice that of the half vector.
     error = float(np.degrees(sweep_error(spheres, result))) * np.sqrt(2.0)
-    if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
-        # A sphere that was given and stands has the score 1.
-        is_given = all(sphere.score == 1.0 for sphere in spheres)
-        worst = max(spheres, key=_contour_percent)
-        place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
-        message = (
-            f"the contour of the chrome sphere{place} is known to {_contour_percent(worst):.1f}% of its radius only, so"
-            f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
-            + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
-        )
-        return [StageWarning(message, "sphere", error)]
+    if not 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        return None
+    # A sphere that was given and stands has the score 1.
+    is_given = all(sphere.score == 1.0 for sphere in spheres)
+    worst = max(spheres, key=_contour_percent)
+    place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
+    message = (
+        f"the contour of the chrome sphere{place} is known to {_contour_percent(worst):.1f}% of its radius only, so"
+        f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
+        + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
+    )
+    return StageWarning(message, "sphere", error)
+
+
+def _size_doubt(spheres: Sequence[Sphere]) -> StageWarning | None:
+    """Return a warning of a sphere that was found and is small."""
     smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
-    if smallest < MIN_RADIUS_PX:
-        message = (
-            f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
-            " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
-        )
-        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
+    if smallest >= MIN_RADIUS_PX:
+        return None
+    message = (
+        f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
+        " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
+    )
+    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _inner_edge_doubt(result: Lights) -> StageWarning | None:
+    """Return a warning of highlights that lie where only those on a circle inside the contour do."""
     highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
     behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
-    if behind > MAX_BEHIND_SHARE:
-        message = (
-            f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
-            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
-            " give `spheres`"
-        )
-        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
+    if behind <= MAX_BEHIND_SHARE:
+        return None
+    message = (
+        f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
+        " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
+        " give `spheres`"
+    )
+    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _disagreement(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
+    """Return a warning of spheres whose half vectors differ by more than their contours explain."""
     median, _ = inter_sphere_angles(result)
     # Disagreement is measured from the middle of all spheres, which have the same weight in it.
     middle_error = np.linalg.norm([sweep_error([sphere], result) for sphere in spheres]) / len(spheres)
     expected = DISAGREEMENT_DEVIATIONS * float(np.degrees(middle_error)) * np.sqrt(2.0)
-    if not is_near and median > max(MIN_DISAGREEMENT_DEG, expected):
-        message = (
-            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
-            " or leave out the worse sphere"
-        )
-        return [StageWarning(message, "sphere", 2.0 * median)]
-    return []
+    if not median > max(MIN_DISAGREEMENT_DEG, expected):
+        return None
+    message = (
+        f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
+        " or leave out the worse sphere"
+    )
+    return StageWarning(message, "sphere", 2.0 * median)
 
 
 def _contour_percent(sphere: Sphere) -> float:

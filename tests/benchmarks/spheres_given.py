@@ -22,7 +22,7 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks import given_circle
-from glint.tasks.stages import sphere_doubts
+from glint.tasks.stages import sphere_confirmation
 from tests.benchmarks.spheres_found import simulated
 from tests.benchmarks.table_scenes import table_scenes
 
@@ -32,9 +32,9 @@ WRONG, VERY_WRONG = 0.04, 0.08
 """Errors in radii from which a used circle counts as wrong, and as very wrong."""
 RULES = {
     "as it is": (),
-    "from three deviations": ((sphere_doubts, "CORRECTION_DEVIATIONS", 3.0),),
+    "from three deviations": ((sphere_confirmation, "CORRECTION_DEVIATIONS", 3.0),),
     "by contrast alone": ((given_circle, "LEAST_WEIGHT", 1.0),),
-    "by edges alone": ((sphere_doubts, "settled_rim", lambda *_: None),),
+    "by edges alone": ((sphere_confirmation, "settled_rim", lambda *_: None),),
 }
 """What of the program is changed under each rule."""
 
@@ -56,7 +56,7 @@ def used_error(frames: np.ndarray, given: Sphere, truth: Sphere, rule: str) -> t
     with ExitStack() as changes:
         for module, name, value in RULES[rule]:
             changes.enter_context(patch.object(module, name, value))
-        ((used,), _) = sphere_doubts.confirm_given(frames, [given], None)
+        ((used,), _) = sphere_confirmation.confirm_given(frames, [given], None)
     error = max(used.distance(truth), abs(used.radius - truth.radius))
     return error / truth.radius, max(used.centre_sd, used.radius_sd) / truth.radius
 

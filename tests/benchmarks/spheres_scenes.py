@@ -24,7 +24,8 @@ from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
 from glint.tasks.stages.capture_geometry import SPHERE_MARGIN_PX
 from glint.tasks.stages.first_pass import Sample, SampleRecorder
-from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given, sphere_doubts
+from glint.tasks.stages.sphere_confirmation import confirm_found, confirm_given
+from glint.tasks.stages.sphere_doubts import sphere_doubts
 
 SAMPLE_FRAMES = 200
 MAX_CONTOUR_PERCENT = 5.0

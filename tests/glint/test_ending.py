@@ -33,6 +33,28 @@ glint.__main__.main()
     assert done.stderr == ("told\n" if "told" in body else "")
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_error_and_no_file_gets_their_numbers(closed: str, tmp_path: Path) -> None:
+    code = f"""
+import os, subprocess, sys, glint.__main__, glint.flows.cli.main
+
+def command():
+    with open({str(tmp_path / "result")!r}, "w") as file:
+        print("for a reader")
+        print("for a person", file=sys.stderr)
+        subprocess.run(["sh", "-c", "echo from a child; echo too >&2"], check=True)
+        file.write(str(file.fileno() > 2))
+
+glint.flows.cli.main.main = command
+glint.__main__.main()
+"""
+    done = subprocess.run(
+        ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, code], cwd=ROOT, capture_output=True, timeout=100
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "result").read_text() == "True"
+
+
 def test_an_uncaught_error_has_its_traceback() -> None:
     code = """
 import glint.__main__, glint.flows.cli.main

@@ -60,18 +60,25 @@ export class VersionStage {
     await this.showAngles(this.angles.checked);
   }
 
+  /** Lay the map of angles over both versions, or take it away; `setPair` calls this again for its own pair. */
   async showAngles(isOn) {
-    const isNewest = this.beginAngles();
-    if (!isOn) {
+    const isNewest = this.beginAngles(), { capture } = this;
+    if (!isOn || !capture) {
       this.legend.replaceChildren();
       this.set({ lensShare: 0 });
       return;
     }
-    const { capture } = this, { colours, legend } = await lens(capture, "difference");
-    if (!isNewest()) return;
-    for (const view of this.views) view.setPicture("lens", colours, capture.width, capture.height);
-    this.legend.replaceChildren(legend);
-    this.set({ lensShare: 0.85 });
+    try {
+      const { colours, legend } = await lens(capture, "difference");
+      if (!isNewest()) return;
+      for (const view of this.views) view.setPicture("lens", colours, capture.width, capture.height);
+      this.legend.replaceChildren(legend);
+      this.set({ lensShare: 0.85 });
+    } catch (error) {
+      if (!isNewest()) return;
+      this.legend.replaceChildren(element("p", {}, error.message));
+      this.set({ lensShare: 0 });
+    }
   }
 
   dispose() {

@@ -90,11 +90,9 @@ def fit_parallax(sites: Sequence[SphereLights]) -> Parallax | None:
     inverse, rotations, error = 0.0, np.zeros((len(sites), 2)), 0.0
     for _ in range(GAUSS_NEWTON_STEPS):
         everywhere = np.full(lights.shape[1], inverse)
-        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, everywhere, rotations)
-        matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1).reshape(-1, 1 + 2 * len(sites))
-        step, error = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
-        inverse = float(np.clip(inverse + step[0], 0.0, MAX_INVERSE_DISTANCE_SPAN / span))
-        rotations = rotations + step[1:].reshape(-1, 2)
+        change, turns, error = _step(lights, positions, accepted, everywhere, rotations)
+        inverse = float(np.clip(inverse + change, 0.0, MAX_INVERSE_DISTANCE_SPAN / span))
+        rotations = rotations + turns
     return Parallax(inverse, error, rotations, span, shared)
 
 
@@ -113,19 +111,16 @@ def triangulate(sites: Sequence[SphereLights], weights: np.ndarray | None = None
     lights, positions, accepted = (values[:, fit.shared] for values in _stacked(sites))
     inverse, rotations, varies = np.full(lights.shape[1], fit.inverse_distance), fit.rotations, False
     for _ in range(ALTERNATIONS):
-        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
-        change = _smooth_change(residuals, by_inverse)
-        if change is None:
+        residuals, by_inverse, _ = _linearized(lights, positions, accepted, inverse, rotations)
+        changes = _smooth_change(residuals, by_inverse)
+        if changes is None:
             break
         varies = True
         least, most = MIN_INVERSE_RATIO * fit.inverse_distance, MAX_INVERSE_RATIO * fit.inverse_distance
-        inverse = np.clip(inverse + change, least, most)
+        inverse = np.clip(inverse + changes, least, most)
         # What one distance left of the variation has bent the rotations.
-        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
-        matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1)
-        matrix = matrix.reshape(-1, matrix.shape[-1])
-        step, _ = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
-        inverse, rotations = inverse + step[0], rotations + step[1:].reshape(-1, 2)
+        change, turns, _ = _step(lights, positions, accepted, inverse, rotations)
+        inverse, rotations = inverse + change, rotations + turns
     varying = np.interp(np.arange(len(fit.shared)), np.flatnonzero(fit.shared), inverse)
     if weights is not None:
         rotations = rotations - weights @ rotations
@@ -141,6 +136,19 @@ def _stacked(sites: Sequence[SphereLights]) -> tuple[np.ndarray, np.ndarray, np.
 def rotated(lights: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return light directions (T, 3) without the error (2,) of the sphere's n_x and n_y."""
     return unit(lights - _rotation_columns(half_vectors_of(lights)) @ rotation)
+
+
+def _step(
+    lights: np.ndarray, positions: np.ndarray, accepted: np.ndarray, inverse: np.ndarray, rotations: np.ndarray
+) -> tuple[float, np.ndarray, float]:
+    """Return a Gauss-Newton step from a solution (T,) and (S, 2), see `_linearized`.
+
+    It is the change of all inverse distances, 1/pixels, that of the rotations (S, 2), and the first's standard error.
+    """
+    residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
+    matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1).reshape(-1, 1 + 2 * len(lights))
+    solution, error = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
+    return float(solution[0]), solution[1:].reshape(-1, 2), error
 
 
 def _linearized(
@@ -175,11 +183,7 @@ def _linearized(
         by_rotation[number, :, :, number] = columns[number]
     # A rotation of all spheres together is no difference between them: it is taken out, so that it remains zero.
     by_rotation -= by_rotation.mean(axis=3, keepdims=True)
-    return (
-        across(observed - predicted),
-        across(by_inverse),
-        across(by_rotation.reshape(*lights.shape, 2 * count)),
-    )
+    return across(observed - predicted), across(by_inverse), across(by_rotation.reshape(*lights.shape, 2 * count))
 
 
 def _robust_solution(matrix: np.ndarray, residuals: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, float]:

@@ -204,6 +204,12 @@ def test_a_port_that_is_taken_is_named() -> None:
             _listener("127.0.0.1", number)
 
 
+def test_an_address_of_another_machine_is_not_taken_for_a_port_that_is_taken() -> None:
+    for port in (None, 4300):
+        with pytest.raises(InputError, match=r"--host 192\.0\.2\.1 is not an address of this machine"):
+            _listener("192.0.2.1", port)
+
+
 def test_a_catalogue_that_cannot_be_written_is_named_itself(catalogue: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError) as caught:
         write(load(catalogue), tmp_path / "absent" / "c.yaml")

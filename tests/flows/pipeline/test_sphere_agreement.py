@@ -9,6 +9,7 @@ import pytest
 
 from glint.flows.pipeline.context import activate
 from glint.flows.pipeline.object import ObjectCaptures, run_reported, with_agreement
+from glint.flows.pipeline.worker import compare_captures
 from glint.flows.reporting.events import CaptureWarning
 from glint.flows.results import CaptureResult
 from glint.flows.runtime.dask_cluster import Cluster
@@ -68,6 +69,18 @@ def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCapture
     )
     with activate(cluster.client, sink):
         assert with_agreement(captures, [*results, unread])[-1] == unread
+
+
+@pytest.mark.parametrize("failed", [set[str](), {"dark"}])
+def test_a_capture_whose_address_cannot_be_used_does_not_keep_the_others_from_being_compared(
+    captures: ObjectCaptures, failed: set[str]
+) -> None:
+    *seen, dark = captures.chosen
+    for work in seen:
+        perform_all(work, "survey")
+    misnamed = replace(dark, capture=dark.capture.model_copy(update={"mask": "http://host/mask.png"}))
+    warnings, _ = compare_captures([*seen, misnamed], failed, ())
+    assert list(warnings) == ["odd"]
 
 
 def test_one_capture_is_compared_with_nothing(captures: ObjectCaptures, cluster: Cluster) -> None:

@@ -1,8 +1,11 @@
 import io
 import json
+import os
 import sys
 import threading
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -105,6 +108,28 @@ def test_bars_show_what_runs_and_leave_lines_of_what_ended() -> None:
         bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 4.0, "frames"))
         assert bars._progress.tasks == []
     assert "glass/[front]  done in 4.0 s" in stream.getvalue()
+
+
+@pytest.mark.parametrize("sink", [JsonLines, PlainLines])
+def test_a_full_disk_under_the_log_does_not_stop_a_run(sink: type[JsonLines | PlainLines]) -> None:
+    with Path("/dev/full").open("w") as log, sink(log) as console:
+        for _ in range(2):
+            console.emit(CaptureEnded("glass/front", 2.0))
+        with suppress(OSError):  # what is buffered
+            log.close()
+
+
+def test_a_terminal_that_is_gone_does_not_stop_a_run() -> None:
+    leader, follower = os.openpty()
+    terminal = os.fdopen(follower, "w")
+    with ProgressBars(Console(file=terminal, force_terminal=True)) as console:
+        console.emit(StageStarted("glass/front", "frames"))
+        os.close(leader)
+        console.emit(StageProgress("glass/front", "frames", 1, 2, 1.0))
+        for capture in ("front", "back"):
+            console.emit(CaptureEnded(f"glass/{capture}", 2.0))
+    with suppress(OSError):  # what is buffered
+        terminal.close()
 
 
 def test_the_display_fits_where_the_output_goes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -94,6 +94,21 @@ def test_a_mask_is_grown_in_place_of_one_that_cannot_be_used(tmp_path: Path) -> 
     assert decode_picture(grown.content, cv2.IMREAD_GRAYSCALE).all()
 
 
+def test_edits_have_one_form_before_the_first_and_after_all_are_taken_back(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "1.png").write_bytes(mask_png(np.ones((4, 6), bool)))
+    (tmp_path / "catalogue.yaml").write_text(CATALOGUE % "frames")
+    browser = client(tmp_path / "store", tmp_path / "catalogue.yaml")
+    before = browser.get("/api/captures/vase/front/edits").json()
+    assert not (tmp_path / "store" / "objects").exists()
+    body = {"changes": {"verdict": "good"}, "author": "Ann", "base_revision": 0}
+    assert browser.post("/api/captures/vase/front/edits", json=body).status_code == 200
+    undo = {"revision": 1, "author": "Ann"}
+    assert browser.post("/api/captures/vase/front/edits/undo", json=undo).status_code == 200
+    after = browser.get("/api/captures/vase/front/edits").json()
+    assert before == after | {"revision": 0, "history": [], "changes": {}}
+
+
 def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_path: Path) -> None:
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "1.png").write_bytes(mask_png(np.ones((4, 6), bool)))

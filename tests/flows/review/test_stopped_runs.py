@@ -1,5 +1,6 @@
 """Runs that a person stops from the page: what they end as, and what the page shows."""
 
+import signal
 import sys
 import threading
 from typing import Any
@@ -38,6 +39,16 @@ def test_a_run_is_interrupted_and_says_that_it_was_stopped() -> None:
 def test_a_run_that_is_stopped_before_its_process_has_begun_does_not_go_on() -> None:
     runs, run = Runs("store"), Run("glass/front", is_stopping=True)
     runs._follow(run, SLEEP)
+    assert run.state == "stopped"
+
+
+def test_a_run_is_stopped_where_the_server_ignores_interrupts_as_one_in_the_background_does() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        run = Run("glass/front", is_stopping=True)
+        Runs("store")._follow(run, [sys.executable, "-c", "import time; time.sleep(20)"])
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert run.state == "stopped"
 
 

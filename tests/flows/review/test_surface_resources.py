@@ -75,6 +75,60 @@ def test_a_part_that_cannot_be_read_is_named_and_asked_for_again(surface: Tab) -
     surface.complaints[:] = [text for text in surface.complaints if "422" not in text]
 
 
+def test_a_lens_that_cannot_be_read_leaves_none_and_says_why(surface: Tab) -> None:
+    page, refusal = surface.page, {"error": "confidence of front is damaged", "remedy": "glint verify"}
+    page.route("**/surface/confidence", lambda route: route.fulfill(status=422, json=refusal))
+    page.evaluate(f"{SURFACE}.setLens('provenance')")
+    page.evaluate(f"{SURFACE}.setLens('confidence')")
+    surface.wait("document.querySelector('.legend-box').textContent.includes('is damaged → glint verify')")
+    state = page.evaluate(f"[{SURFACE}.lensName, {SURFACE}.relight.state.lensShare, {SURFACE}.share.hidden]")
+    assert state == ["none", 0, True]
+    page.unroute("**/surface/confidence")
+    page.evaluate(f"{SURFACE}.setLens('confidence')")
+    surface.wait("document.querySelector('.legend').textContent.includes('Probability')")
+    surface.complaints[:] = [text for text in surface.complaints if "422" not in text]
+
+
+def test_a_mesh_that_cannot_be_read_is_asked_for_again(surface: Tab) -> None:
+    page, refusal = surface.page, {"error": "the mesh is damaged", "remedy": "glint verify"}
+    page.route("**/surface/positions", lambda route: route.fulfill(status=422, json=refusal))
+    assert page.evaluate("glint.viewer.show('mesh').then(() => glint.viewer.hasFailed)") is True
+    assert "the mesh is damaged" in page.inner_text(".failure")
+    page.unroute("**/surface/positions")
+    assert page.evaluate("glint.viewer.show('mesh').then(() => glint.viewer.hasFailed)") is False
+    assert page.evaluate("glint.viewer.meshes.view.mesh.geometry.index.count") > 0
+    surface.complaints[:] = [text for text in surface.complaints if "422" not in text]
+
+
+def test_a_view_that_fails_late_says_nothing_about_the_one_that_is_shown(surface: Tab) -> None:
+    failed, text = surface.page.evaluate("""async () => {
+      const { viewer } = glint, held = Promise.withResolvers(), show = viewer.showMesh;
+      viewer.showMesh = () => held.promise;
+      const late = viewer.show("mesh");
+      await viewer.show("surface");
+      held.reject(new Error("the mesh is damaged"));
+      await late;
+      viewer.showMesh = show;
+      return [viewer.hasFailed, viewer.failure.textContent];
+    }""")
+    assert (failed, text) == (False, "")
+
+
+def test_a_map_of_angles_that_cannot_be_read_says_why(tab: Tab) -> None:
+    refusal = {"error": "normals of front are damaged", "remedy": "glint verify"}
+    tab.page.route("**/differences/**/difference", lambda route: route.fulfill(status=422, json=refusal))
+    tab.page.evaluate("view => { location.hash = view; }", INPUTS.replace("inputs", "versions"))
+    tab.wait("globalThis.glint?.stage && globalThis.glint.ready.then(() => true)")
+    tab.page.check("text=Map of angles")
+    tab.wait("document.querySelector('.legend-box').textContent.includes('are damaged → glint verify')")
+    tab.page.unroute("**/differences/**/difference")
+    tab.page.uncheck("text=Map of angles")
+    tab.page.check("text=Map of angles")
+    tab.wait("document.querySelector('.legend-box').textContent.includes('Angle between')")
+    settle(tab)
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
 def test_meshes_that_are_not_shown_any_longer_take_no_graphics_memory(surface: Tab) -> None:
     counts = surface.page.evaluate("""async () => {
       await glint.viewer.show("mesh");

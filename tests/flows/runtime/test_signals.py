@@ -145,6 +145,25 @@ def test_a_run_that_does_not_end_by_itself_is_ended() -> None:
     assert process.wait(50) == 130
 
 
+def test_an_interrupt_counts_where_nobody_reads_its_line_any_more() -> None:
+    code = (
+        "import threading, time\nfrom glint.flows.runtime import signals\nsignals.GRACE_SECONDS = 0.5\n"
+        "signals.install()\nthreading.Thread(target=time.sleep, args=[60]).start()\n"
+        "try:\n"
+        "    print('ready', flush=True)\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)"
+    )
+    reader, writer = os.pipe()
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=writer)
+    for end in (reader, writer):
+        os.close(end)
+    assert process.stdout is not None and process.stdout.readline()
+    process.terminate()
+    assert process.stdout.readline() == b"interrupted\n" and process.wait(50) == 130
+
+
 def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
     try:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from glint.storage.catalogue import loading
 from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.loading import Catalogue, CatalogueError, load, parameters_for, write
-from glint.storage.catalogue.models import RESERVED_IDS
+from glint.storage.catalogue.models import RESERVED_IDS, Capture, Object
 from glint.storage.errors import InputError
 from tests.storage.catalogue.complete import COMPLETE
 
@@ -75,6 +75,18 @@ def _keys_left_out(model: BaseModel) -> set[str]:
 
     visit(model)
     return known - given
+
+
+def test_a_changed_copy_is_asked_for_its_own_objects_and_captures() -> None:
+    glass = Object(id="glass", captures=(Capture(id="front", frames="/inbox/a.mp4"),))
+    whole = Catalogue.model_validate({"schema": 1, "name": "x", "objects": (glass,)})
+    assert (whole.n_captures, whole.find("vase"), glass.capture("front").frames) == (1, None, "/inbox/a.mp4")
+    captures = tuple(Capture(id=name, frames="/allowed/a.mp4") for name in ("front", "back"))
+    other = glass.model_copy(update={"id": "vase", "captures": captures})
+    assert [other.capture(name).frames for name in ("front", "back")] == ["/allowed/a.mp4"] * 2
+    changed = whole.model_copy(update={"objects": (other,)})
+    assert (changed.n_captures, changed.object("vase"), changed.find("glass")) == (2, other, None)
+    assert (whole.object("glass"), glass.capture("front").frames) == (glass, "/inbox/a.mp4")
 
 
 def test_everything_a_catalogue_can_say(tmp_path: Path) -> None:

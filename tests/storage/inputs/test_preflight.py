@@ -1,13 +1,14 @@
 """All mistakes in the small files of captures are found at once, before a frame is decoded."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import Capture
-from glint.storage.errors import InputError
+from glint.storage.errors import InputError, StoreError
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.inputs.preflight import check_inputs, input_errors
 
@@ -62,3 +63,19 @@ def test_an_address_that_is_none_is_the_mistake_of_its_capture_alone(tmp_path: P
     good = Capture(id="good", frames=str(tmp_path / "video.mp4"), lights=str(tmp_path / "lights.lp"))
     (mistake,), nothing = input_errors([bad, good])
     assert "https:// are not supported" in mistake.message and nothing == []
+
+
+def test_an_object_store_that_cannot_be_read_is_an_error_of_its_captures_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in os.environ if name.startswith("AZURE_")]:
+        monkeypatch.delenv(name)
+    (tmp_path / "lights.lp").write_text("no count\n")
+    frames = str(tmp_path / "video.mp4")
+    remote = Capture(id="remote", frames=frames, lights="az://bucket/lights.lp")
+    local = Capture(id="local", frames=frames, lights=str(tmp_path / "lights.lp"))
+    (store_error,), (missing, count) = input_errors([remote, local])
+    assert isinstance(store_error, StoreError) and "no Azure account is named" in store_error.message
+    assert "video.mp4 does not exist" in missing.message and "this is not a count" in count.message
+    with pytest.raises(StoreError, match="no Azure account"):
+        check_inputs(remote)

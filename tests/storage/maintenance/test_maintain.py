@@ -43,7 +43,7 @@ def test_nothing_is_left_of_frames_that_are_discarded(tmp_path: Path) -> None:
 
 
 def test_a_removal_that_is_interrupted_leaves_no_valid_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **options: object) -> None:
         raise OSError(5, "Input/output error")
 
     location = Location.parse(tmp_path)

@@ -7,7 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from datetime import timedelta
 from pathlib import Path
+from threading import Barrier, Event
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.edits.overlay import edited_entries
+from glint.storage.frames.eviction import cached_frames, remove_frames
 from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock, run_lock
@@ -102,3 +105,44 @@ def test_in_an_object_store_nothing_younger_than_an_hour_is_removed(tmp_path: Pa
         os.utime(path, (time.time() - 4000, time.time() - 4000))
     assert part(maintain(location, age=NOW, keep=1), "glass").objects > 0
     assert read_kept(location, "glass", "0a") is None
+
+
+def test_frames_are_listed_while_their_writer_renames_its_files(tmp_path: Path) -> None:
+    location, digest = Location.parse(tmp_path), "a" * 64
+    frames(location, digest, 1000, timedelta(days=3))
+    folder, ended = tmp_path / "frames" / digest, Event()
+
+    def write() -> None:
+        # As zarr does, which puts a file beside each that it replaces.
+        while not ended.is_set():
+            draft = folder / f"zarr.{uuid4().hex}.partial"
+            draft.write_bytes(b"{}")
+            draft.replace(folder / "zarr.json")
+
+    with ThreadPoolExecutor(2) as pool:
+        writers = [pool.submit(write) for _ in range(2)]
+        try:
+            for _ in range(1000):
+                (cached,) = cached_frames(location)
+                assert cached.digest == digest and cached.bytes >= 998
+        finally:
+            ended.set()
+    assert [writer.result() for writer in writers] == [None, None]
+
+
+def test_two_cleanings_may_remove_the_same_frames(tmp_path: Path) -> None:
+    location, digest = Location.parse(tmp_path), "a" * 64
+    for _ in range(20):
+        frames(location, digest, 1000, timedelta(days=3))
+        for number in range(200):
+            (tmp_path / "frames" / digest / "object" / "c" / str(number)).write_bytes(b"x")
+        both = Barrier(2)
+
+        def remove(both: Barrier = both) -> None:
+            chosen = cached_frames(location)
+            both.wait()
+            remove_frames(location, chosen)
+
+        with ThreadPoolExecutor(2) as pool:
+            assert [removal.result() for removal in [pool.submit(remove) for _ in range(2)]] == [None, None]
+        assert cached_frames(location) == [] and not (tmp_path / "frames" / digest).exists()

@@ -17,6 +17,7 @@ from glint.storage.maintenance.repair import repair
 from glint.storage.maintenance.verify import Damage, _with_remedy, verify_store
 from glint.storage.versions.opening import open_or_create
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.verification import Verification, verify_capture
 from tests.damage.damage import build, problems, served
 
 
@@ -51,6 +52,25 @@ def test_a_whole_store_is_whole(store: Path) -> None:
     assert outcome.bytes > 500_000
     assert steps == [(number, len(steps)) for number in range(1, len(steps) + 1)]
     assert "no damage found" in outcome.summary
+
+
+def test_what_has_not_begun_is_left_unread_after_an_interrupt(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    location, read = Location.parse(store), list[str]()
+
+    def counted(repository: ObjectRepository, capture: str, ref: str) -> Verification:
+        read.append(capture)
+        return verify_capture(repository, capture, ref)
+
+    def interrupt(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("glint.storage.maintenance.verify.verify_capture", counted)
+    verify_store(location, ["vase"])
+    captures = len(read)
+    read.clear()
+    with pytest.raises(KeyboardInterrupt):
+        verify_store(location, ["vase"] * 100, progress=interrupt)
+    assert 0 < len(read) < 50 * captures
 
 
 def test_a_damaged_chunk_is_named_in_each_version_that_holds_it(store: Path) -> None:

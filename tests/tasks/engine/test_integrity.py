@@ -194,6 +194,9 @@ def test_an_object_belongs_to_one_catalogue(
     check_catalogue([context], "/a/catalogue.yaml")
     # A catalogue that moved with its videos is the same one.
     check_catalogue([context], "/moved/catalogue.yaml")
+    # A capture of it whose address cannot be used says nothing against the others.
+    misnamed = context.capture.model_copy(update={"frames": "http://host/video.mkv"})
+    check_catalogue([replace(context, capture=misnamed), context], "/moved/catalogue.yaml")
     other = tmp_path / "other.mkv"
     shutil.copy(str(context.file("frames")), other)
     _append(other)

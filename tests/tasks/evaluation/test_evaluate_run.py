@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glint.tasks.evaluation.evaluate_run import evaluate_captures
+from glint.storage.catalogue.loading import load
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.evaluation.evaluate_run import evaluate_captures, evaluate_models
 from tests.tasks.make_context import make_context
 
 
@@ -21,3 +23,17 @@ def test_an_unusable_truth_does_not_stop_the_others(simulated: Path, performed: 
     evaluations, faults = evaluate_captures(contexts, lambda name, message: None)
     assert len(evaluations) == 1
     assert "has shape 3 x 4 x 3" in faults[sound.name].message
+    misnamed = sound.capture.model_copy(update={"truth": "http://host/truth"})
+    _, faults = evaluate_captures([replace(sound, capture=misnamed)], lambda name, message: None)
+    assert "http:// are not supported" in faults[sound.name].message
+
+
+def test_an_unusable_true_model_is_named_like_a_truth_of_a_capture(simulated: Path, tmp_path: Path) -> None:
+    context = make_context(simulated, tmp_path / "store")
+    record = {"views": [{"capture": context.capture.id}], "left_out": [], "seconds": 1.0}
+    context.repository.save(WHOLE_OBJECT, "model", "key", {}, record)
+    catalogue = load(simulated)
+    entries = tuple(item.model_copy(update={"truth_model": str(tmp_path / "absent.ply")}) for item in catalogue.objects)
+    evaluations, faults = evaluate_models([context], catalogue.model_copy(update={"objects": entries}))
+    assert evaluations == []
+    assert "absent.ply does not exist" in faults[f"{context.object_id}/model"].message

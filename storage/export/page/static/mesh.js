@@ -163,7 +163,7 @@ export class MeshView {
 
   released(event) {
     const isClick = this.pressed && Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) < 4;
-    if (!this.isMeasuring || !isClick) return;
+    if (!this.isMeasuring || !isClick || !this.mesh) return;
     const box = this.canvas.getBoundingClientRect(), caster = new Raycaster();
     const place = new Vector2(((event.clientX - box.x) / box.width) * 2 - 1, 1 - ((event.clientY - box.y) / box.height) * 2);
     // Places follow the last change, also one that is not drawn yet.

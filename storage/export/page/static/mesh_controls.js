@@ -26,16 +26,18 @@ export class MeshPanel {
     this.controls = make("aside", { className: "controls" }, this.colour, this.views, this.cameras, this.outlines, this.cut, this.axis, this.place,
       make("label", { className: "check" }, this.isMeasuring, make("span", {}, "Measure between two points")),
       button("View from the front", () => this.view.home()), this.size);
-    this.place.hidden = true;
+    this.place.hidden = this.cameras.hidden = this.outlines.hidden = true;
     this.chosen = "none";
     this.element = make("div", { className: "surface-view" }, this.stage, this.controls);
   }
 
+  /** Show the mesh of a capture (payload.js), unless it is shown already. */
   async setCapture(capture) {
+    this.wanted = capture;
     if (this.capture === capture) return;
-    this.capture = capture;
     const arrays = await meshArrays(capture);
-    if (this.capture !== capture) return;
+    if (this.wanted !== capture) return;
+    this.capture = capture;
     this.view.setMesh(arrays);
     this.cut.hidden = !arrays.confidence;
     const views = capture.facts.views ?? [], colours = [["plain", "Plain"]];

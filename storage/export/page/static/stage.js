@@ -2,8 +2,8 @@
 
 import { draw, make, button } from "./elements.js";
 
-const SPREAD = 0.55;
 /** Distance of the pointer from the middle at which the light is at the horizon, in shorter sides of the stage. */
+const SPREAD = 0.55;
 
 export class Stage {
   /** dial takes the light; viewport the zoom; profile() gives what a drawn line goes to, or null. */

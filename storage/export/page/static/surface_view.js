@@ -114,6 +114,7 @@ export class SurfaceView {
     this.material.choose(name);
   }
 
+  /** Lay a lens over the surface; one that cannot be read leaves none, and says why. */
   async setLens(name) {
     this.lensName = name;
     this.share.hidden = name === "none";
@@ -123,11 +124,18 @@ export class SurfaceView {
       this.relight.set({ lensShare: 0 });
       return;
     }
-    const capture = this.capture, { colours, isSmooth, legend } = await lens(capture, name);
-    if (this.lensName !== name || this.capture !== capture) return;
-    this.relight.setPicture("lens", colours, capture.width, capture.height, isSmooth);
-    this.legend.replaceChildren(legend);
-    this.relight.set({ lensShare: Number(this.share.querySelector("input").value) });
+    const { capture } = this, isWanted = () => this.lensName === name && this.capture === capture;
+    try {
+      const { colours, isSmooth, legend } = await lens(capture, name);
+      if (!isWanted()) return;
+      this.relight.setPicture("lens", colours, capture.width, capture.height, isSmooth);
+      this.legend.replaceChildren(legend);
+      this.relight.set({ lensShare: Number(this.share.querySelector("input").value) });
+    } catch (error) {
+      if (!isWanted()) return;
+      await this.setLens("none");
+      this.legend.replaceChildren(make("p", {}, error.message));
+    }
   }
 
   lightMoved(light) {

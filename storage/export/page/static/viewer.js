@@ -9,6 +9,7 @@ export class Viewer {
   constructor(captures, model = null) {
     this.captures = captures;
     this.model = model;
+    this.turn = 0;
     this.body = make("div", { className: "viewer-body" });
     this.select = make("select", { "aria-label": "View", onchange: () => this.show() },
       ...captures.map((capture, i) => make("option", { value: i }, capture.facts.name)));
@@ -26,6 +27,7 @@ export class Viewer {
 
   /** Show a mode: surface, mesh or model. Resolves when it is drawn. */
   async show(mode = this.mode) {
+    const turn = ++this.turn;
     this.mode = mode;
     this.tabs.choose(mode);
     this.which.hidden = mode === "model" || this.captures.length < 2;
@@ -35,6 +37,8 @@ export class Viewer {
       if (mode === "surface") await this.showSurface();
       else await this.showMesh(mode === "model" ? this.model : this.captures[this.select.selectedIndex]);
     } catch (error) {
+      // What is shown since has not failed.
+      if (turn !== this.turn) return;
       this.failure.textContent = `${error.message ?? error}`;
       this.failure.hidden = false;
       this.hasFailed = true;

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.sphere_checks.circle_check import check_circle, contradicts
+from glint.tasks.algorithms.sphere_checks.circle_check import check_circle, contradicts, radius_lacking
 from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
-from glint.tasks.stages.sphere_doubts import confirm_found
+from glint.tasks.stages.sphere_confirmation import confirm_found
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
 TRUTH = Sphere(58.3, 60.8, 30.4, score=0.5, centre_sd=0.2, radius_sd=0.2)
@@ -100,3 +100,9 @@ def test_shapes_bound_the_radius_from_above_alone() -> None:
     shapes = ShapeCircle(TRUTH.x, TRUTH.y, 0.3, 0.9 * TRUTH.radius, 0.01)
     assert contradicts(shapes, TRUTH)
     assert not contradicts(replace(shapes, max_radius=1.5 * TRUTH.radius), TRUTH)
+
+
+def test_what_a_radius_lacks_of_the_largest_one_is_doubt() -> None:
+    shapes = ShapeCircle(50.0, 50.0, 0.3, 40.0, 0.02)
+    assert radius_lacking(Sphere(50.0, 50.0, 36.0), shapes) == 0.0
+    assert radius_lacking(Sphere(50.0, 50.0, 30.0), shapes) == pytest.approx(7.6)
