@@ -56,7 +56,7 @@ async function show() {
     const place = placeOf(location.hash);
     showPlace(place);
     if (!place) {
-      await (await import("./catalogue.js")).open(root, signal);
+      await (await import("./catalogue/view.js")).open(root, signal);
       return;
     }
     const view = VIEWS.find(([name]) => name === place.view) ?? VIEWS[0];

@@ -1,9 +1,10 @@
 // The catalogue view: one row for each capture, what needs a person first. Rows far off the screen are not in the page,
 // and come from the server in blocks when they are scrolled to.
 
-import { addressOf, ask, capturePath } from "./api.js";
-import { announce, announceError, duration, element, guarded, moment, percent } from "./dom.js";
-import { bind } from "./keys.js";
+import { ask } from "../api.js";
+import { announce, announceError, element, guarded } from "../dom.js";
+import { bind } from "../keys.js";
+import { cellsOf } from "./row.js";
 
 const ROW_PX = 72;
 const BLOCK = 100;
@@ -127,13 +128,21 @@ class CatalogueView {
       const block = Math.floor(number / BLOCK);
       const data = this.blocks.get(block)?.[number % BLOCK];
       if (!data) this.want(block);
-      const text = JSON.stringify([data ?? null, number === this.chosen]);
+      const text = JSON.stringify(data ?? null);
       const old = present.get(number);
-      if (old?.content === text) continue;
-      const row = this.rowOf(number, data, old?.querySelector("img"));
-      row.content = text;
-      if (old?.isConnected) old.replaceWith(row);
-      else this.space.append(row);
+      let row = old;
+      if (old?.content !== text) {
+        // The keyboard's place in a row is kept when the row is made anew.
+        const focused = old?.contains(document.activeElement) ? document.activeElement.className : null;
+        row = this.rowOf(number, data, old?.querySelector("img"));
+        row.content = text;
+        if (old?.isConnected) old.replaceWith(row);
+        else this.space.append(row);
+        if (focused) row.querySelector(`.${focused}`)?.focus({ preventScroll: true });
+      }
+      // In place: a row that is made anew between the press of a button and its release is not clicked.
+      row.classList.toggle("chosen", number === this.chosen);
+      for (const part of row.querySelectorAll("a")) part.tabIndex = number === this.chosen ? 0 : -1;
     }
     this.empty?.remove();
     this.empty = null;
@@ -162,22 +171,7 @@ class CatalogueView {
     const row = element("div", { class: "row", role: "listitem", "data-number": String(number) });
     row.style.top = `${number * ROW_PX}px`;
     if (!data) return row;
-    row.classList.toggle("chosen", number === this.chosen);
-    const source = `${capturePath(data.object, data.capture)}/thumbnail?of=${encodeURIComponent(data.version || data.state)}`;
-    if (image?.getAttribute("src") !== source) {
-      image = element("img", { src: source, alt: "", loading: "lazy", decoding: "async" });
-      image.addEventListener("error", () => image.classList.add("missing"));
-    }
-    row.append(
-      image,
-      element("a", { class: "name", title: `${data.object}/${data.capture}`, href: addressOf(data.object, data.capture), tabindex: number === this.chosen ? "0" : "-1" },
-        element("b", {}, data.object), element("span", {}, data.capture)),
-      element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
-      element("div", { class: "reason", title: fullReason(data) }, reason(data)),
-      element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
-        confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
-      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, moment(data.date))),
-    );
+    row.append(...cellsOf(data, image));
     row.addEventListener("mousedown", () => this.choose(number));
     return row;
   }
@@ -217,28 +211,4 @@ class CatalogueView {
     };
     setTimeout(next, POLL_MS);
   }
-}
-
-function stateText(data) {
-  if (data.state !== "running") return data.verdict && data.state !== "failed" ? data.verdict : data.state;
-  const parts = [data.stage || "starting"];
-  if (data.progress !== null) parts.push(percent(data.progress));
-  if (data.seconds_left) parts.push(`about ${duration(data.seconds_left)} left`);
-  return parts.join(" · ");
-}
-
-function reason(data) {
-  if (data.error) return data.error;
-  if (data.reason) return data.reason;
-  return data.warnings[0] ?? "";
-}
-
-function fullReason(data) {
-  return [data.error, data.remedy, data.reason, ...data.warnings].filter(Boolean).join("\n");
-}
-
-function confidentBar(share) {
-  const bar = element("span", { class: "bar", "aria-hidden": "true" }, element("span"));
-  bar.firstChild.style.width = `${Math.round((share ?? 0) * 100)}%`;
-  return bar;
 }
