@@ -2,9 +2,11 @@
 
 import { addressOf, capturePath } from "../api.js";
 import { duration, element, moment, percent } from "../dom.js";
+import { reasonOf } from "./reasons.js";
 
-/** Returns the parts of a capture's row; image: that of the row before, kept where it shows the same. */
-export function cellsOf(data, image) {
+/** Returns the parts of a capture's row; image: that of the row before, kept where it shows the same;
+ *  onmore: shows all that is said about the capture. */
+export function cellsOf(data, image, onmore) {
   const source = `${capturePath(data.object, data.capture)}/thumbnail?of=${encodeURIComponent(data.version || data.state)}`;
   if (image?.getAttribute("src") !== source) {
     image = element("img", { src: source, alt: "", loading: "lazy", decoding: "async" });
@@ -15,7 +17,7 @@ export function cellsOf(data, image) {
     element("a", { class: "name", title: `${data.object}/${data.capture}`, href: addressOf(data.object, data.capture) },
       element("b", {}, data.object), element("span", {}, data.capture)),
     element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
-    element("div", { class: "reason", title: fullReason(data) }, reason(data)),
+    reasonOf(data, onmore),
     element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
       confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
     element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, moment(data.date))),
@@ -28,16 +30,6 @@ function stateText(data) {
   if (data.progress !== null) parts.push(percent(data.progress));
   if (data.seconds_left) parts.push(`about ${duration(data.seconds_left)} left`);
   return parts.join(" · ");
-}
-
-function reason(data) {
-  if (data.error) return data.error;
-  if (data.reason) return data.reason;
-  return data.warnings[0] ?? "";
-}
-
-function fullReason(data) {
-  return [data.error, data.remedy, data.reason, ...data.warnings].filter(Boolean).join("\n");
 }
 
 function confidentBar(share) {

@@ -4,6 +4,7 @@
 import { ask } from "../api.js";
 import { announce, announceError, element, guarded } from "../dom.js";
 import { bind } from "../keys.js";
+import { offerMore, showReasons } from "./reasons.js";
 import { cellsOf } from "./row.js";
 
 const ROW_PX = 72;
@@ -44,7 +45,7 @@ class CatalogueView {
     this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
     root.classList.add("catalogue");
     root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.problem, this.summary, this.scroller);
-    addEventListener("resize", () => this.draw(), { signal });
+    addEventListener("resize", () => { this.draw(); offerMore([...this.space.children]); }, { signal });
     bind([
       ["/", "search", () => this.search.focus()],
       ["ArrowDown j", "next capture", () => this.move(1)],
@@ -54,6 +55,7 @@ class CatalogueView {
       ["Home", "first capture", () => this.move(-this.total)],
       ["End", "last capture", () => this.move(this.total)],
       ["Enter", "open the capture", () => this.follow()],
+      ["i", "all that is said about the capture", () => this.tell(this.chosen)],
     ], signal);
     this.search.addEventListener("keydown", (event) => {
       if (event.key === "ArrowDown" || event.key === "Enter") this.scroller.focus();
@@ -124,6 +126,7 @@ class CatalogueView {
     const bottom = Math.min(this.total, Math.ceil((this.scroller.scrollTop + this.scroller.clientHeight) / ROW_PX) + SPARE_ROWS);
     const present = new Map([...this.space.children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of present) if (number < top || number >= bottom) row.remove();
+    const made = [];
     for (let number = top; number < bottom; number += 1) {
       const block = Math.floor(number / BLOCK);
       const data = this.blocks.get(block)?.[number % BLOCK];
@@ -138,12 +141,14 @@ class CatalogueView {
         row.content = text;
         if (old?.isConnected) old.replaceWith(row);
         else this.space.append(row);
+        made.push(row);
         if (focused) row.querySelector(`.${focused}`)?.focus({ preventScroll: true });
       }
       // In place: a row that is made anew between the press of a button and its release is not clicked.
       row.classList.toggle("chosen", number === this.chosen);
-      for (const part of row.querySelectorAll("a")) part.tabIndex = number === this.chosen ? 0 : -1;
+      for (const part of row.querySelectorAll("a, button")) part.tabIndex = number === this.chosen ? 0 : -1;
     }
+    offerMore(made);
     this.empty?.remove();
     this.empty = null;
     if (this.total > 0) return;
@@ -171,7 +176,7 @@ class CatalogueView {
     const row = element("div", { class: "row", role: "listitem", "data-number": String(number) });
     row.style.top = `${number * ROW_PX}px`;
     if (!data) return row;
-    row.append(...cellsOf(data, image));
+    row.append(...cellsOf(data, image, () => this.tell(number)));
     row.addEventListener("mousedown", () => this.choose(number));
     return row;
   }
@@ -193,6 +198,16 @@ class CatalogueView {
 
   follow() {
     this.space.querySelector(`[data-number="${this.chosen}"] a`)?.click();
+  }
+
+  /** Shows all that is said about a capture, and returns the keyboard to its row. */
+  tell(number) {
+    const data = this.blocks.get(Math.floor(number / BLOCK))?.[number % BLOCK];
+    if (!data) return;
+    showReasons(data, () => {
+      // The browser returns it by itself, except to a row that was made anew meanwhile.
+      if (document.activeElement === document.body) this.space.querySelector(`[data-number="${number}"] a`)?.focus({ preventScroll: true });
+    });
   }
 
   poll() {
