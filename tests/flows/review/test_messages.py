@@ -43,7 +43,12 @@ def test_an_error_covers_no_control_and_is_closed_by_mouse_and_keys(tab: Tab) ->
     ("field", "value", "words"),
     [
         ("Region: width", "5000", "The region cannot have width 5000"),
-        ("r of sphere 1", "1", "A sphere cannot have the radius 1"),
+        ("Region: x", "", 'No number was typed for "Region: x"'),
+        ("r of sphere 1", "1", '"r of sphere 1" cannot be 1: it must be at least 3 pixels'),
+        ("y of sphere 1", "", 'No number was typed for "y of sphere 1"'),
+        ("Diameter of sphere 1 in millimetres", "-2", '"Diameter of sphere 1 in millimetres" cannot be -2'),
+        ("Focal length in pixels", "0", '"Focal length in pixels" cannot be 0: it must be more than 0'),
+        ("Millimetres of a pixel", "-1", '"Millimetres of a pixel" cannot be -1'),
     ],
 )
 def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, words: str) -> None:
@@ -53,6 +58,28 @@ def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, w
     page.keyboard.press("Enter")
     tab.wait(f"{STATUS}.startsWith({words!r})")
     assert page.input_value(f"[aria-label='{field}']") == before
+    assert page.is_disabled("aside .save button >> nth=0"), "nothing is changed"
+
+
+@pytest.mark.parametrize(
+    ("view", "ready", "kind", "angle"),
+    [
+        (INPUTS, READY, "How the pose is given", "Degrees by which the object is turned"),
+        (INPUTS.replace("inputs", "poses"), ".plan .camera", "Pose of front", "Degrees of front"),
+    ],
+)
+def test_an_emptied_angle_of_a_turntable_is_named_and_stays(
+    tab: Tab, view: str, ready: str, kind: str, angle: str
+) -> None:
+    page = tab.open(view, ready)
+    page.select_option(f"[aria-label='{kind}']", "turntable")
+    for typed, words in (("", "No number was typed for"), ("50000", "cannot be 50000: it must lie between")):
+        page.fill(f"[aria-label^='{angle}']", "30")
+        page.keyboard.press("Tab")
+        page.fill(f"[aria-label^='{angle}']", typed)
+        page.keyboard.press("Tab")
+        tab.wait(f"{STATUS}.includes({words!r})")
+        assert page.input_value(f"[aria-label^='{angle}']") == "30"
 
 
 def test_a_note_without_words_is_refused_in_words_and_one_with_them_confirmed(served: ServedPage, tab: Tab) -> None:
