@@ -32,8 +32,11 @@ def test_an_error_covers_no_control_and_is_closed_by_mouse_and_keys(tab: Tab) ->
         page.focus("main")
         page.keyboard.press("m")
         tab.wait(f"{STATUS} !== ''")
-        status, timeline = (page.locator(name).bounding_box() for name in ("#status", ".timeline"))
-        assert status["y"] + status["height"] <= timeline["y"]
+        for width, height in ((1280, 800), (1024, 768)):
+            page.set_viewport_size({"width": width, "height": height})
+            status, timeline, side = (page.locator(name).bounding_box() for name in ("#status", ".timeline", "aside"))
+            assert status["y"] + status["height"] <= timeline["y"]
+            assert status["x"] + status["width"] <= side["x"]
         close()
         assert page.evaluate(STATUS) == ""
     tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
