@@ -74,3 +74,16 @@ def test_modules_of_the_view_are_served_with_the_page() -> None:
         "questions.css",
         "view.js",
     }
+
+
+def test_no_loop_of_another_question_is_shown_while_the_server_does_not_answer(tab: Tab) -> None:
+    page = tab.open(VIEW, READY)
+    page.route("**/questions/loop*", lambda route: route.abort())
+    page.focus("main")
+    page.keyboard.press("s")
+    page.wait_for_selector("#status.error >> text=the server does not answer")
+    page.wait_for_selector("canvas.loop", state="hidden")
+    page.unroute("**/questions/loop*")
+    page.wait_for_selector("#status >> text=The server answers again.")
+    page.wait_for_selector(READY)
+    tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]

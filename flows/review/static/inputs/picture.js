@@ -3,7 +3,8 @@
 //
 // The centre of the top-left pixel is (0, 0), so the picture itself begins at (-0.5, -0.5).
 
-import { askPicture, newest } from "../api.js";
+import { askPicture, newest, NO_ANSWER } from "../api.js";
+import { ANSWERS } from "../connection.js";
 import { announceError } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { followFingers } from "./fingers.js";
@@ -28,6 +29,7 @@ export class Picture {
       observer.disconnect();
       this.stage.destroy();
     });
+    addEventListener(ANSWERS, () => this.missed && this.show(this.missed), { signal });
     this.resize();
     this.fit();
   }
@@ -39,6 +41,7 @@ export class Picture {
   /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile. */
   async show(address) {
     const isNewest = this.begin();
+    this.missed = null;
     try {
       const bitmap = await createImageBitmap(await askPicture(address, this.signal));
       if (!isNewest()) return bitmap.close();
@@ -46,7 +49,9 @@ export class Picture {
       this.image.image(bitmap);
       this.container.dataset.shown = address;
     } catch (error) {
-      if (isNewest()) announceError(error);
+      if (!isNewest()) return;
+      if (error.status === NO_ANSWER) this.missed = address;
+      announceError(error);
     }
   }
 
