@@ -41,6 +41,17 @@ def test_the_pose_of_a_view_with_a_long_name_is_in_sight(tab: Tab) -> None:
     tab.complaints[:] = [text for text in tab.complaints if "404" not in text]
 
 
+def test_the_scale_of_angles_lies_on_the_picture(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "versions"), ".versions .divider")
+    for width, height in ((1280, 800), (1024, 768)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.check("text=Map of angles")
+        legend, stage = (page.locator(name).bounding_box() for name in (".legend-box", ".versions .light-stage"))
+        assert stage["x"] < legend["x"] and legend["x"] + legend["width"] < stage["x"] + stage["width"]
+        assert stage["y"] < legend["y"] and legend["y"] + legend["height"] < stage["y"] + stage["height"] < height
+    settle(tab)
+
+
 def test_the_surface_fills_the_page_and_the_profile_comes_into_sight(tab: Tab) -> None:
     page = tab.page
     for width, height in ((1280, 800), (1024, 768)):

@@ -95,11 +95,13 @@ def test_a_note_without_words_is_refused_in_words_and_one_with_them_confirmed(se
     settle(tab)
 
 
-def test_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
+def test_a_version_says_what_was_edited_and_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
     def two_versions(route: Any) -> None:
         answer = route.fetch()
         (version, *_) = answer.json()
-        route.fulfill(response=answer, json=[version | {"name": "v2"}, version])
+        edits = {"front": {"mask": "Ada", "pixel_size": "Bob"}}
+        message = "run b7806b41-6020-46f3-80f2-bacf9d72381f"
+        route.fulfill(response=answer, json=[version | {"name": "v2", "edits": edits, "message": message}, version])
 
     def difference(route: Any) -> None:
         address = route.request.url.replace("/v1/v2/", "/v1/v1/")
@@ -113,6 +115,8 @@ def test_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
     tab.page.route("**/hemisphere/versions", two_versions)
     tab.page.route("**/differences/v1/v2/**", difference)
     page = tab.open(VERSIONS, ".versions .changes")
+    edited, catalogue = (page.inner_text(f".versions .side tbody tr:nth-child({number})") for number in (1, 2))
+    assert "edited: mask, pixel size (Ada, Bob)\nrun b7806b41\n" in edited and "inputs of the catalogue" in catalogue
     cell = page.locator(".versions .changes td").last
     assert (cell.inner_text(), cell.get_attribute("title")) == ("contents 7218b1ff…", "7218b1ff" * 8)
     settle(tab)
