@@ -64,12 +64,13 @@ export class SphereList {
     // While a contour is measured the button stays, and with it the keyboard's place.
     const isFocused = document.activeElement === take;
     take.hidden = !(known?.is_clear || (known === null && isFocused));
-    take.ariaDisabled = String(!known);
+    take.ariaDisabled = String(!known || !isOff(known));
     if (isFocused && (take.hidden || fit.hidden)) choose.focus({ preventScroll: true });
   }
 
   take(number) {
-    if (this.layer.fits.get(number)) this.layer.take(number);
+    const fit = this.layer.fits.get(number);
+    if (fit && isOff(fit)) this.layer.take(number);
   }
 
   /** Takes a number that was typed; the field of the diameter may be empty. */
@@ -82,6 +83,11 @@ export class SphereList {
     layer.spheres[number][name] = value;
     layer.moved(number, before);
   }
+}
+
+/** Whether a circle differs from the contour by what its figures show. */
+function isOff(fit) {
+  return Math.max(fit.misfit_px, fit.misfit_radius_px) >= 0.05;
 }
 
 /** Returns what is said about a fit, and its class; fit: undefined if there is none, null while it is measured. */
