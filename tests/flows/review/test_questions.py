@@ -53,6 +53,9 @@ def test_a_loop_is_stopped_stepped_and_tinted_without_keys(tab: Tab) -> None:
     page.focus("main")
     page.keyboard.press("h")
     assert tint.get_attribute("aria-pressed") == "false"
+    page.keyboard.press("p")
+    controls.wait_for(state="hidden")  # nothing is chosen yet that a loop could show
+    page.keyboard.press("q")
     controls.get_by_text("Play").click()
     tab.wait(f"document.querySelector('.frame-number').innerText !== '{frame}'")
 

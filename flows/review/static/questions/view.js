@@ -56,12 +56,13 @@ class QuestionsView {
     this.run = new RunPanel(this);
     this.place = element("div", { class: "question-place" });
     this.loopPlace = element("div", { class: "loop-place" });
+    this.loopSection = element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, this.controls, element("div", { class: "line lights" }, this.sphere, this.light));
     this.parts = [
       element("div", { class: "question-stage" },
         element("div", { class: "line", role: "group", "aria-label": "What to mark" }, this.modes), this.text, this.place,
         element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
-        element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, this.controls, element("div", { class: "line lights" }, this.sphere, this.light)),
+        this.loopSection,
         element("section", {}, element("h2", {}, "Answers"), this.author.input, this.draft.state, this.draft.picture, this.more),
         this.marks.root, this.run.root),
     ];
@@ -137,7 +138,7 @@ class QuestionsView {
     for (const button of [isTrue, isFalse, skip]) button.disabled = !question;
     for (const [button, kind] of [[isTrue, "true"], [isFalse, "false"]]) button.title = refused[kind] ? `Refused: ${refused[kind]}` : "";
     undo.disabled = !this.marks.steps.length;
-    for (const part of [this.object, this.number, this.light]) part.hidden = !question;
+    for (const part of [this.object, this.loopSection, this.light]) part.hidden = !question;
     if (!question) this.sphere.hidden = true;
     this.say(text);
     if (!question) return this.loop.forget();
