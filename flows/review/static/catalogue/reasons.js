@@ -33,7 +33,7 @@ export function showReasons(data, onclose) {
   const open = element("a", { href: addressOf(data.object, data.capture), onclick: () => dialog.remove() }, "Open the capture");
   const dialog = element("dialog", { class: "reasons", "aria-labelledby": "reasons-title", onclose: () => { dialog.remove(); onclose(); } },
     element("h2", { id: "reasons-title" }, name),
-    texts.map((text) => element("p", {}, text)),
+    element("div", { class: "said", role: "group", "aria-labelledby": "reasons-title", tabindex: "0" }, texts.map((text) => element("p", {}, text))),
     element("form", { method: "dialog" }, element("button", {}, "Close"), open));
   document.body.append(dialog);
   dialog.showModal();
