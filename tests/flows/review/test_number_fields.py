@@ -60,6 +60,18 @@ def test_the_keyboard_stays_at_a_sphere_whose_fit_is_taken_and_undone(tab: Tab) 
     assert page.evaluate("document.activeElement.closest('.sphere') !== null")
 
 
+def test_a_number_is_saved_by_a_click_on_save_right_after_it_was_typed(tab: Tab) -> None:
+    page, save = tab.open(INPUTS, READY), "aside .save button >> nth=0"
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.3")
+    assert page.get_attribute(save, "aria-disabled") == "true"
+    box = page.locator(save).bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    tab.wait("document.getElementById('status').textContent === 'Saved.'")
+    page.click("text=take back")
+    tab.wait("document.getElementById('status').textContent === 'Taken back.'")
+
+
 def test_what_is_being_typed_is_kept_while_a_contour_is_measured(tab: Tab) -> None:
     page, held = tab.open(INPUTS, READY), list[Any]()
     page.route("**/sphere-fit", lambda route: held.append(route))
