@@ -14,6 +14,9 @@ export class ApiError extends Error {
 export const NO_ANSWER = 0;
 export const NOT_ANSWERING = "the server does not answer";
 
+/** The status of an error where the session has ended. */
+export const NOT_LET_IN = 401;
+
 /** Returns that error, and looks for the server until it answers. */
 export function noAnswer() {
   lookForServer();
@@ -69,5 +72,6 @@ async function answerOf(path, options) {
     throw noAnswer();
   }
   if (answer.ok) return answer;
+  if (answer.status === NOT_LET_IN) throw new ApiError(NOT_LET_IN, { error: "this browser is not let in any longer", remedy: "open the link that glint review printed in another tab; this page keeps what is not saved" });
   throw new ApiError(answer.status, await answer.json().catch(() => ({ error: `status ${answer.status}`, remedy: "" })));
 }

@@ -6,7 +6,7 @@
 // A view is a module with `open(root, capture, signal)`: it fills `root`, and ends what it does when `signal` does.
 // capture: {object, capture, path}, `path` being that of the capture's interface.
 
-import { addressOf, ApiError, capturePath, NO_ANSWER, noAnswer, NOT_ANSWERING } from "./api.js";
+import { addressOf, ApiError, capturePath, NO_ANSWER, noAnswer, NOT_ANSWERING, NOT_LET_IN } from "./api.js";
 import { ANSWERS } from "./connection.js";
 import { announce, element } from "./dom.js";
 import { showKeys } from "./keys.js";
@@ -76,7 +76,7 @@ async function show() {
     await (await loaded(view[2])).open(root, capture, signal);
   } catch (error) {
     if (error.name === "AbortError") return;
-    if (error instanceof ApiError && error.status === 401) location.assign(`/open${location.hash}`);
+    if (error instanceof ApiError && error.status === NOT_LET_IN) location.assign(`/open${location.hash}`);
     isMissing = error.status === NO_ANSWER;
     // What a view has begun to lay out has no place for it.
     root.className = "view";

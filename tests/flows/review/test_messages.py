@@ -42,6 +42,38 @@ def test_an_error_covers_no_control_and_is_closed_by_mouse_and_keys(tab: Tab) ->
     tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
 
 
+def test_a_picture_that_does_not_come_is_not_said_to_be_shown(tab: Tab) -> None:
+    page, peak, median = tab.open(INPUTS, READY), "[data-kind=peak]", "[data-kind=background]"
+    refusal = {"error": "the frames are damaged", "remedy": "run the capture again"}
+    page.route("**/level/peak", lambda route: route.fulfill(status=422, json=refusal))
+    page.focus("main")
+    page.keyboard.press("m")
+    tab.wait(f"{STATUS}.startsWith('the frames are damaged')")
+    assert [page.get_attribute(button, "aria-pressed") for button in (peak, median)] == ["false", "true"]
+    page.unroute("**/level/peak")
+    page.keyboard.press("m")
+    page.wait_for_selector(".stage[data-shown$='level/peak']")
+    assert [page.get_attribute(button, "aria-pressed") for button in (peak, median)] == ["true", "false"]
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_who_is_not_let_in_any_longer_is_told_how_to_save(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.3")
+    page.keyboard.press("Tab")
+    cookies = page.context.cookies()
+    page.context.clear_cookies()
+    page.click("aside .save button:has-text('Save')")
+    tab.wait(f"{STATUS}.includes('in another tab; this page keeps what is not saved')")
+    page.context.add_cookies(cookies)
+    page.click("aside .save button:has-text('Save')")
+    tab.wait(f"{STATUS} === 'Saved.'")
+    page.click("text=take back")
+    tab.wait(f"{STATUS} === 'Taken back.'")
+    tab.complaints[:] = [text for text in tab.complaints if "401" not in text]
+
+
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [

@@ -38,20 +38,28 @@ export class Picture {
     return this.stage.scaleX();
   }
 
-  /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile. */
+  /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile.
+   *
+   *  Returns whether it is shown; undefined where that is open: another one was asked for, or the server is looked for. */
   async show(address) {
     const isNewest = this.begin();
     this.missed = null;
     try {
       const bitmap = await createImageBitmap(await askPicture(address, this.signal));
-      if (!isNewest()) return bitmap.close();
+      if (!isNewest()) {
+        bitmap.close();
+        return undefined;
+      }
       this.image.image()?.close();
       this.image.image(bitmap);
       this.container.dataset.shown = address;
+      return true;
     } catch (error) {
-      if (!isNewest()) return;
-      if (error.status === NO_ANSWER) this.missed = address;
+      if (!isNewest()) return undefined;
       announceError(error);
+      if (error.status !== NO_ANSWER) return false;
+      this.missed = address;
+      return undefined;
     }
   }
 

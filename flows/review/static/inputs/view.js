@@ -107,7 +107,7 @@ class InputsView {
 
   showPicture() {
     this.lights.mark(this.timeline.frame);
-    this.picture.show(`${this.capture.path}/${this.timeline.path}`);
+    return this.picture.show(`${this.capture.path}/${this.timeline.path}`);
   }
 
   use(tool) {
