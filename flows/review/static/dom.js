@@ -50,16 +50,25 @@ export function guarded(action) {
   };
 }
 
+/** Takes a message away that begins so, if it is still shown: it no longer holds. */
+export function withdraw(beginning) {
+  if (document.getElementById("status").textContent.startsWith(beginning)) announce("");
+}
+
 /** What a number must be that is more than nothing: arguments of `typedNumber`. */
 export const POSITIVE = [(value) => value > 0, "it must be more than 0"];
 
 /** Returns the number in a field, null where there is none or one that is not allowed, and says so. */
 export function typedNumber(field, isAllowed = Number.isFinite, rule = "it must be a number") {
-  const value = Number(field.value);
+  const value = Number(field.value), name = `"${field.ariaLabel}"`;
   // A field for numbers is empty also where what was typed is no number.
-  if (field.value === "") announce(`No number was typed for "${field.ariaLabel}": it stays as it was.`, "error");
-  else if (!isAllowed(value)) announce(`"${field.ariaLabel}" cannot be ${field.value}: ${rule}.`, "error");
-  else return value;
+  if (field.value === "") announce(`No number was typed for ${name}: it stays as it was.`, "error");
+  else if (!isAllowed(value)) announce(`${name} cannot be ${field.value}: ${rule}.`, "error");
+  else {
+    withdraw(`No number was typed for ${name}`);
+    withdraw(`${name} cannot be`);
+    return value;
+  }
   return null;
 }
 

@@ -94,6 +94,9 @@ def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, w
     tab.wait(f"{STATUS}.startsWith({words!r})")
     assert page.input_value(f"[aria-label='{field}']") == before
     assert page.is_disabled("aside .save button >> nth=0"), "nothing is changed"
+    page.fill(f"[aria-label='{field}']", str(float(before or 10.0) - 1.0))
+    page.keyboard.press("Enter")
+    tab.wait(f"{STATUS} === ''")
 
 
 @pytest.mark.parametrize(

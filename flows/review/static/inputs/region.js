@@ -1,9 +1,10 @@
 // The region's rectangle, and the scale as a line of known length.
 
-import { POSITIVE, announce, element, isEmptied, typedNumber } from "../dom.js";
+import { POSITIVE, announce, element, isEmptied, typedNumber, withdraw } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const COLOUR = "#e7b45a";
+const REFUSED = "The region cannot have";
 const FIELDS = [["x", "x"], ["y", "y"], ["width", "w"], ["height", "h"]];
 
 export class RegionLayer {
@@ -91,9 +92,10 @@ export class RegionLayer {
     const fits = next.x >= 0 && next.y >= 0 && next.width > 0 && next.height > 0 && next.x + next.width <= width && next.y + next.height <= height;
     if (fits) {
       const before = { ...this.region };
+      withdraw(REFUSED);
       this.region = next;
       this.noted(before);
-    } else announce(`The region cannot have ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
+    } else announce(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
     this.draw();
   }
 
