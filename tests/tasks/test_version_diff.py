@@ -1,6 +1,7 @@
 """Differences of two versions: angles, depths, parameters and inputs, and when a surface counts as changed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,8 +50,10 @@ def test_regions_that_differ_are_laid_over_each_other(repository: ObjectReposito
 
 
 def test_values_of_the_entry_that_a_person_has_edited_have_changed(repository: ObjectRepository) -> None:
-    entries = [{"id": "front", "frames": "a.mp4", "spheres": [{"x": x, "y": 2.0, "radius": 9.0}]} for x in (1.0, 3.0)]
-    entries[1]["pixel_size"] = 0.5
+    entries: list[dict[str, Any]] = [
+        {"id": "front", "frames": "a.mp4", "spheres": [{"x": 1.0, "y": 2.0, "radius": 9.0}]},
+        {"id": "front", "frames": "b.mp4", "spheres": [{"x": 3.0, "y": 2.0, "radius": 9.0}], "pixel_size": 0.5},
+    ]
     for degrees, entry in zip((0.0, 1.0), entries, strict=True):
         publish(repository, tilted(degrees), depth(), entry=entry)
     assert compare(repository, "front", "v1", "v2").changes == (

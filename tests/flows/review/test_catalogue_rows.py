@@ -58,8 +58,10 @@ def test_all_that_is_said_of_a_capture_is_read_by_keys_and_by_a_click(
     served: ServedPage, tab: Tab, rows: dict[str, dict[str, Row]]
 ) -> None:
     error = "no sphere was found in any of the frames, " * 8
-    said = {"error": error, "remedy": "draw its circle", "warnings": ("the camera shook", "no scale")}
-    rows["yak"] = {"front": Row("yak", "front", "failed", **said)}
+    said = Row(
+        "yak", "front", "failed", warnings=("the camera shook", "no scale"), error=error, remedy="draw its circle"
+    )
+    rows["yak"] = {"front": said}
     rows["zebra"] = {"front": Row("zebra", "front", "failed", error="it is short")}
     page = shown(served, tab, ".row >> text=yak")
     shown_texts = "[...document.querySelectorAll('dialog.reasons p')].map((part) => part.textContent)"
