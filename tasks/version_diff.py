@@ -14,6 +14,10 @@ DRIFT_QUANTILE = 0.95
 """Quantile of the angles between two versions' normals by which a surface counts as changed."""
 CHANGED_ANGLE_DEG = 5.0
 """Degrees from which a pixel's normal counts as changed in the figures."""
+ENTRY = "inputs"
+"""What stands for the stage where values of a capture's entry differ."""
+ENTRY_KEYS = ("spheres", "region", "pixel_size", "camera", "pose")
+"""Keys of an entry from which stages are computed; of files the digests are compared."""
 INCOMPARABLE_DEG = 180.0
 """Drift of a capture whose versions share no pixel."""
 
@@ -42,7 +46,8 @@ class Difference:
 
     angles (H, W) float32: degrees between the normals; depths (H, W) float32: after minus before, less the median, in
     `unit`. Both cover the smallest rectangle of the frame that contains both versions' regions, and are NaN where one
-    of the versions has no value. changes: (stage, name, before, after) of parameters, inputs and versions of code.
+    of the versions has no value. changes: (stage, name, before, after) of parameters, inputs and versions of code;
+    ENTRY is the stage of the entry's values.
     """
 
     capture: str
@@ -142,7 +147,12 @@ def on_common_region(
 def _changes(
     repository: ObjectRepository, capture: str, before: str, after: str
 ) -> Iterator[tuple[str, str, Any, Any]]:
-    """Yield (stage, name, before, after) of parameters, inputs and versions of code that differ, stage by stage."""
+    """Yield (stage, name, before, after) of what differs: values of the entry, then, stage by stage, parameters, files
+    and versions of code."""
+    entries = [_entry(repository, capture, version) for version in (before, after)]
+    for key in ENTRY_KEYS:
+        if entries[0].get(key) != entries[1].get(key):
+            yield ENTRY, key, entries[0].get(key), entries[1].get(key)
     old, new = repository.version(before).stages[capture], repository.version(after).stages[capture]
     for stage in sorted(old.keys() | new.keys()):
         if stage not in old or stage not in new:
@@ -157,6 +167,12 @@ def _changes(
                 if old_values.get(name) != new_values.get(name):
                     label = name if group == "parameters" else f"{group.removesuffix('s')} {name}"
                     yield stage, label, old_values.get(name), new_values.get(name)
+
+
+def _entry(repository: ObjectRepository, capture: str, version: str) -> dict[str, Any]:
+    """Return the entry with which a version was made, edits included, as JSON values."""
+    entry: dict[str, Any] = repository.version(version).metadata.get("captures", {}).get(capture, {}).get("entry", {})
+    return entry
 
 
 def _presence(stage: str, stages: Container[str]) -> str:

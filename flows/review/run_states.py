@@ -1,6 +1,7 @@
 """List the running captures of a store, and those whose last run failed, as Prefect's server knows them.
 
-The server is polled only while a view is open. Runs that the page itself has started need no polling.
+The server is asked once when the page's server starts, and polled while a view is open. Runs that the page itself has
+started need no polling.
 """
 
 import threading
@@ -28,19 +29,25 @@ class RunStates:
         self._running: dict[str, dict[str, Any]] = {}
         self._failed: dict[str, dict[str, Any]] = {}
         self._polls, self._asked = 0, -WANTED_SECONDS
-        self._ended = threading.Event()
+        self._is_answer_due = False
+        self._ended, self._woken = threading.Event(), threading.Event()
 
     def start(self) -> None:
-        """Begin to ask the server."""
+        """Begin to ask the server; until it has answered, it is not known which captures are new."""
+        self._is_answer_due = True
         threading.Thread(target=self._keep, name="glint-run-states", daemon=True).start()
 
     def stop(self) -> None:
         """Ask no more."""
         self._ended.set()
+        self._woken.set()
 
     def wanted(self) -> None:
-        """Extend the polling of the server."""
+        """Extend the polling of the server, which begins at once where it has rested."""
+        has_rested = not self._is_wanted()
         self._asked = time.monotonic()
+        if has_rested:
+            self._woken.set()
 
     @property
     def revision(self) -> int:
@@ -69,15 +76,22 @@ class RunStates:
             return replace(row, state="failed", stage=failed["stage"], error=failed["error"])
         if own is not None and own.state == "failed" and not _is_later(row.date, end):
             return replace(row, state="failed", error=own.error, remedy=own.remedy)
-        return row
+        return replace(row, state="reading") if self._is_answer_due and row.state == "new" else row
+
+    def _is_wanted(self) -> bool:
+        return time.monotonic() - self._asked < WANTED_SECONDS
 
     def _keep(self) -> None:
         while not self._ended.is_set():
-            if time.monotonic() - self._asked < WANTED_SECONDS:
+            if self._is_answer_due or self._is_wanted():
                 with suppress(Exception):
                     # A server that is starting, ending or absent is polled again.
                     self._ask()
-            self._ended.wait(POLLING_SECONDS)
+                if self._is_answer_due:
+                    self._is_answer_due = False
+                    self._polls += 1
+            self._woken.wait(POLLING_SECONDS)
+            self._woken.clear()
 
     def _ask(self) -> None:
         from glint.flows.reporting.flow_runs import failed_rows, running_rows

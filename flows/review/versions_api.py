@@ -22,7 +22,10 @@ class Rollback(BaseModel):
 
 @router.get("/versions")
 def versions(review: ReviewState, object_id: ObjectId) -> list[dict[str, Any]]:
-    """Return the versions, newest first: name, time, message, captures, and the run that made it."""
+    """Return the versions, newest first: name, time, message, captures, and the run that made it.
+
+    edits: of each capture, by field, the author of what a person has edited and the version was made with.
+    """
     if review.repository(object_id) is None:
         # Nothing has run yet; this refuses an object that the catalogue does not list either.
         review.captures(object_id)
@@ -35,6 +38,12 @@ def versions(review: ReviewState, object_id: ObjectId) -> list[dict[str, Any]]:
             "message": item[name].message,
             "captures": list(item[name]),
             "run": item[name].metadata.get("run"),
+            "edits": {
+                capture: {
+                    field: change["author"] for field, change in recorded.get("edits", {}).get("changes", {}).items()
+                }
+                for capture, recorded in item[name].metadata.get("captures", {}).items()
+            },
         }
         for name in reversed(item.versions)
     ]

@@ -1,5 +1,6 @@
 """Two versions of a capture side by side: normals on a common region, angles between them, what changed in words."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -56,4 +57,8 @@ def _words(value: Any) -> str:
     """Return a value of a record as a short text."""
     if value is None:
         return "not set"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
+    if isinstance(value, list) and value and all(isinstance(part, Mapping) for part in value):
+        return "; ".join(map(_words, value))
     return str(value) if len(str(value)) <= 80 else f"{str(value)[:77]}..."

@@ -1,6 +1,7 @@
 """Differences of two versions: angles, depths, parameters and inputs, and when a surface counts as changed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.version_diff import captures_of_both, compare, drifts
+from glint.tasks.pipeline import STAGES
+from glint.tasks.version_diff import ENTRY, ENTRY_KEYS, captures_of_both, compare, drifts
 from tests.tasks.tilted_versions import REGION, depth, publish, tilted
 
 
@@ -45,6 +47,20 @@ def test_regions_that_differ_are_laid_over_each_other(repository: ObjectReposito
     assert found.angles.shape == (7, 10) and found.figures["pixels"] == 4 * 6
     assert np.isfinite(found.angles[2:6, 2:8]).all()
     assert ("survey", "input frames", "digest of 10", "digest of 12") in found.changes
+
+
+def test_values_of_the_entry_that_a_person_has_edited_have_changed(repository: ObjectRepository) -> None:
+    entries: list[dict[str, Any]] = [
+        {"id": "front", "frames": "a.mp4", "spheres": [{"x": 1.0, "y": 2.0, "radius": 9.0}]},
+        {"id": "front", "frames": "b.mp4", "spheres": [{"x": 3.0, "y": 2.0, "radius": 9.0}], "pixel_size": 0.5},
+    ]
+    for degrees, entry in zip((0.0, 1.0), entries, strict=True):
+        publish(repository, tilted(degrees), depth(), entry=entry)
+    assert compare(repository, "front", "v1", "v2").changes == (
+        (ENTRY, "spheres", entries[0]["spheres"], entries[1]["spheres"]),
+        (ENTRY, "pixel_size", None, 0.5),
+    )
+    assert set(ENTRY_KEYS) == {key for stage in STAGES for key in stage.catalogue_keys}
 
 
 def test_versions_without_a_common_pixel_have_no_figures(repository: ObjectRepository) -> None:

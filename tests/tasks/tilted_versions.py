@@ -27,6 +27,7 @@ def publish(
     region: dict[str, int] = REGION,
     strength: float = 1.0,
     capture: str = "front",
+    entry: dict[str, Any] | None = None,
 ) -> str:
     """A version of one capture."""
     about: dict[str, Any] = {"counts": {}, "warnings": [], "versions": {"glint": "1", "numpy": "2"}}
@@ -38,7 +39,8 @@ def publish(
     arrays = {"labels": np.zeros((2, 6, 8), np.uint8), "normals": normals, **flat}
     repository.save(capture, "labels", key, arrays, labels)
     repository.save(capture, "depth", key, {"depth": depth}, {**about, "unit": "mm", "parameters": {}})
-    return repository.publish([capture], {}, STAGES).name
+    metadata = {} if entry is None else {"captures": {capture: {"entry": entry}}}
+    return repository.publish([capture], metadata, STAGES).name
 
 
 def depth(offset: float = 0.0) -> np.ndarray:

@@ -1,11 +1,26 @@
 // The server's interface: JSON in, JSON out; errors carry what is wrong and what to do.
 
+import { lookForServer } from "./connection.js";
+
 export class ApiError extends Error {
   constructor(status, answer) {
     super(answer.remedy ? `${answer.error} → ${answer.remedy}` : answer.error);
     this.status = status;
     this.answer = answer;
   }
+}
+
+/** The status of an error where no server has answered, and what is said then. */
+export const NO_ANSWER = 0;
+export const NOT_ANSWERING = "the server does not answer";
+
+/** The status of an error where the session has ended. */
+export const NOT_LET_IN = 401;
+
+/** Returns that error, and looks for the server until it answers. */
+export function noAnswer() {
+  lookForServer();
+  return new ApiError(NO_ANSWER, { error: NOT_ANSWERING, remedy: "start glint review again; this page keeps what is not saved" });
 }
 
 /** Returns the path of a capture's interface. */
@@ -54,8 +69,9 @@ async function answerOf(path, options) {
     answer = await fetch(path, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new ApiError(0, { error: "the server does not answer", remedy: "start glint review again" });
+    throw noAnswer();
   }
   if (answer.ok) return answer;
+  if (answer.status === NOT_LET_IN) throw new ApiError(NOT_LET_IN, { error: "this browser is not let in any longer", remedy: "open the link that glint review printed in another tab; this page keeps what is not saved" });
   throw new ApiError(answer.status, await answer.json().catch(() => ({ error: `status ${answer.status}`, remedy: "" })));
 }

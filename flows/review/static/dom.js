@@ -50,6 +50,33 @@ export function guarded(action) {
   };
 }
 
+/** Takes a message away that begins so, if it is still shown: it no longer holds. */
+export function withdraw(beginning) {
+  if (document.getElementById("status").textContent.startsWith(beginning)) announce("");
+}
+
+/** What a number must be that is more than nothing: arguments of `typedNumber`. */
+export const POSITIVE = [(value) => value > 0, "it must be more than 0"];
+
+/** Returns the number in a field, null where there is none or one that is not allowed, and says so. */
+export function typedNumber(field, isAllowed = Number.isFinite, rule = "it must be a number") {
+  const value = Number(field.value), name = `"${field.ariaLabel}"`;
+  // A field for numbers is empty also where what was typed is no number.
+  if (field.value === "") announce(`No number was typed for ${name}: it stays as it was.`, "error");
+  else if (!isAllowed(value)) announce(`${name} cannot be ${field.value}: ${rule}.`, "error");
+  else {
+    withdraw(`No number was typed for ${name}`);
+    withdraw(`${name} cannot be`);
+    return value;
+  }
+  return null;
+}
+
+/** Whether a field for numbers was emptied, rather than filled with what is no number. */
+export function isEmptied(field) {
+  return field.value === "" && !field.validity.badInput;
+}
+
 /** Returns a share as a percentage, a dash for what is not known. */
 export function percent(share) {
   return share === null || share === undefined ? "–" : `${Math.round(share * 100)}%`;

@@ -48,4 +48,5 @@ export function showKeys() {
     list.append(term, description);
   }
   dialog.showModal();
+  list.scrollTop = 0;
 }

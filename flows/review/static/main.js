@@ -6,7 +6,8 @@
 // A view is a module with `open(root, capture, signal)`: it fills `root`, and ends what it does when `signal` does.
 // capture: {object, capture, path}, `path` being that of the capture's interface.
 
-import { addressOf, ApiError, capturePath } from "./api.js";
+import { addressOf, ApiError, capturePath, NO_ANSWER, noAnswer, NOT_ANSWERING, NOT_LET_IN } from "./api.js";
+import { ANSWERS } from "./connection.js";
 import { announce, element } from "./dom.js";
 import { showKeys } from "./keys.js";
 import { mayLeave } from "./leaving.js";
@@ -21,6 +22,7 @@ const VIEWS = [
 
 let leaving = new AbortController();
 let shown = location.hash;
+let isMissing = false;
 
 function placeOf(hash) {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
@@ -42,8 +44,18 @@ function showPlace(place) {
   }
 }
 
+/** Returns a view's module; it comes from the server, too. */
+async function loaded(load) {
+  try {
+    return await load();
+  } catch (error) {
+    throw error instanceof TypeError ? noAnswer() : error;
+  }
+}
+
 async function show() {
   shown = location.hash;
+  isMissing = false;
   leaving.abort();
   leaving = new AbortController();
   const main = document.getElementById("main");
@@ -56,15 +68,16 @@ async function show() {
     const place = placeOf(location.hash);
     showPlace(place);
     if (!place) {
-      await (await import("./catalogue.js")).open(root, signal);
+      await (await loaded(() => import("./catalogue/view.js"))).open(root, signal);
       return;
     }
     const view = VIEWS.find(([name]) => name === place.view) ?? VIEWS[0];
     const capture = { ...place, path: capturePath(place.object, place.capture) };
-    await (await view[2]()).open(root, capture, signal);
+    await (await loaded(view[2])).open(root, capture, signal);
   } catch (error) {
     if (error.name === "AbortError") return;
-    if (error instanceof ApiError && error.status === 401) location.assign(`/open${location.hash}`);
+    if (error instanceof ApiError && error.status === NOT_LET_IN) location.assign(`/open${location.hash}`);
+    isMissing = error.status === NO_ANSWER;
     // What a view has begun to lay out has no place for it.
     root.className = "view";
     root.replaceChildren(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));
@@ -83,6 +96,11 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   // The address after # is that of a view.
   event.preventDefault();
   document.getElementById("main").focus();
+});
+addEventListener(ANSWERS, () => {
+  // A module that did not come is not asked for again by the same page.
+  if (isMissing) location.reload();
+  else if (document.getElementById("status").textContent.startsWith(NOT_ANSWERING)) announce("The server answers again.");
 });
 addEventListener("hashchange", () => {
   if (location.hash === shown || mayLeave()) show();

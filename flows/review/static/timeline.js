@@ -5,7 +5,7 @@ import { element } from "./dom.js";
 const LEVELS = [["peak", "Maximum", "m"], ["background", "Median", "n"], ["mean", "Mean", "k", "The mean of frames spread over the video, brightened"]];
 
 export class Timeline {
-  /** frames: their number; onshow: called with a level or a frame's number. */
+  /** frames: their number; onshow: called with a level or a frame's number, returns a promise of whether it is shown. */
   constructor(frames, onshow) {
     Object.assign(this, { frames, onshow, shown: null });
     this.slider = element("input", { type: "range", min: "0", max: String(frames - 1), value: "0", "aria-label": "Frame", oninput: () => this.show(Number(this.slider.value)) });
@@ -25,12 +25,20 @@ export class Timeline {
     return this.frame === null ? `level/${this.shown}` : `frame?number=${this.frame}`;
   }
 
-  show(what) {
+  /** Shows something, or goes on saying what is shown where that fails. */
+  async show(what) {
+    this.mark(what);
+    const isShown = await this.onshow(what);
+    if (isShown) this.last = what;
+    else if (isShown === false && this.last !== undefined && this.shown === what) this.mark(this.last);
+  }
+
+  /** Says what is shown. */
+  mark(what) {
     this.shown = what;
     if (this.frame !== null) this.slider.value = String(what);
     this.number.textContent = this.frame === null ? "" : `frame ${what.toLocaleString("en")} of ${(this.frames - 1).toLocaleString("en")}`;
     for (const button of this.levels) button.setAttribute("aria-pressed", String(button.dataset.kind === what));
-    this.onshow(what);
   }
 
   step(by) {

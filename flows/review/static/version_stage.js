@@ -19,19 +19,19 @@ export class VersionStage {
     this.views = [new Relight(this.below), new Relight(this.above)];
     this.dial = new Dial([], (light) => this.set({ light }));
     this.stage = new Stage(this.below, { dial: this.dial, viewport: () => this.viewport, profile: () => null });
+    this.legend = element("div", { class: "legend-box" });
     this.names = ["a", "b"].map((side) => element("p", { class: `name-of ${side}` }));
     this.divider = element("div", { class: "divider" });
-    this.below.after(this.above, this.divider, ...this.names);
+    this.below.after(this.above, this.divider, ...this.names, this.legend);
     this.viewport = new Viewport(this.below, ({ extent, corner, pixel }) => {
       this.set({ extent, corner, pixel });
     });
     this.set({ material: "glossy", light: this.dial.light });
     this.place = slider("Line between the versions", { value: 0.5 }, (value) => `${Math.round(100 * value)} %`, (value) => this.split(value));
     this.angles = element("input", { type: "checkbox", onchange: () => this.showAngles(this.angles.checked) });
-    this.legend = element("div", { class: "legend-box" });
     this.controls = element("div", { class: "under" }, this.dial.element, this.place,
       choices("Material", MATERIALS, "glossy", (material) => this.set({ material })),
-      element("label", { class: "check" }, this.angles, element("span", {}, "Map of angles")), this.legend);
+      element("label", { class: "check" }, this.angles, element("span", {}, "Map of angles")));
     this.element = element("section", { class: "viewer" }, this.stage.element, this.controls);
     [this.beginPair, this.beginAngles] = [newest(), newest()];
     this.split(0.5);

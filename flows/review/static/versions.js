@@ -9,6 +9,8 @@ import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
 
 const DIGEST = /^[0-9a-f]{64}$/;
+/** A run's identifier, of which the first part is shown. */
+const RUN = /^(run [0-9a-f]{8})(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/;
 
 export async function open(root, capture, signal) {
   addStyles();
@@ -48,9 +50,9 @@ export async function open(root, capture, signal) {
       type: "radio", name: group, checked: chosen[group] === name, "aria-label": `${label}: ${name}`,
       onchange: guarded(() => show(group === "before" ? name : chosen.before, group === "after" ? name : chosen.after)),
     });
-    const rows = versions.map(({ name, time, message }, i) => element("tr", {},
+    const rows = versions.map(({ name, time, message, edits }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
-      element("td", {}, element("b", {}, name), ` ${moment(time)}`, element("div", { class: "faint" }, message)),
+      element("td", {}, element("b", {}, name), ` ${moment(time)}`, element("div", {}, editWords(edits[capture.capture])), element("div", { class: "faint" }, message.replace(RUN, "$1"))),
       element("td", { class: "state" }, i ? element("button", { type: "button", onclick: guarded(() => restore(name)) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
@@ -105,6 +107,13 @@ function differences({ figures, changes }, { before, after }) {
   const head = element("thead", {}, element("tr", {}, ...["Stage", "What", before, after].map((text) => element("th", { scope: "col" }, text))));
   const table = rows.length ? element("table", {}, head, element("tbody", {}, ...rows)) : element("p", { class: "faint" }, "Parameters, inputs and code are the same.");
   return element("section", { class: "changes" }, element("h2", {}, `From ${before} to ${after}`), element("table", {}, element("tbody", {}, ...words)), element("h2", {}, "What changed"), table);
+}
+
+/** Which inputs a version was made with that people had edited; edits: authors by field. */
+function editWords(edits = {}) {
+  const fields = Object.keys(edits);
+  if (!fields.length) return "inputs of the catalogue";
+  return `edited: ${fields.join(", ").replaceAll("_", " ")} (${[...new Set(Object.values(edits))].join(", ")})`;
 }
 
 /** A digest by its beginning, which is enough to tell two apart; any other text as it is. */

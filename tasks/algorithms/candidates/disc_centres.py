@@ -15,7 +15,7 @@ from numba import njit
 from glint.tasks.algorithms.candidates.lit_frames import LitFrames
 from glint.tasks.algorithms.candidates.surround import frames_between, random_order
 
-DISC_SHARES = (0.2, 0.25, 0.31, 0.385)
+DISC_SHARES = (0.21, 0.28, 0.37)
 """Radii of the disc, relative to the light's angular radius in a sphere: it grows with the light's brightness and with
 the bend of the surface."""
 MIDDLE_SHARE = 0.28
@@ -26,7 +26,7 @@ LIT_OUTSIDE, DARK_INSIDE = 0.02, 0.03
 """Probabilities that a frame far outside the disc lights the pixel, by another path, and that one inside does not."""
 GRID, GRID_REACH = 7, 1.1
 """Centres that are tried along either direction, and how far to both sides, in radii of a usual disc."""
-AROUND_FRAMES, FRAMES_REACH = 48, 2.0
+AROUND_FRAMES, FRAMES_REACH = 40, 2.0
 """Largest number of frames that tell a centre, and how far from the nearest lit frame they lie, in such radii."""
 TABLE_LENGTH = 512
 """Steps of the squared distance for which log-probabilities are kept."""

@@ -56,6 +56,15 @@ def test_a_store_that_does_not_answer_is_no_fault_of_the_request(monkeypatch: py
     assert answer.status_code == 503 and "the server is up" in answer.json()["remedy"]
 
 
+def test_a_version_names_what_people_had_edited(tmp_path: Path) -> None:
+    repository = ObjectRepository.open(Location.parse(tmp_path / "store"), "vase")
+    save_sphere(repository, "front", Sphere((0.0, 0.0, 0.0), 5.0))
+    changes = {"mask": {"author": "Ada", "revision": 2}, "spheres": {"author": "Bob", "revision": 1}}
+    repository.publish(["front"], {"captures": {"front": {"edits": {"changes": changes, "revision": 2}}}})
+    (version,) = client(tmp_path / "store").get("/api/objects/vase/versions").json()
+    assert version["edits"] == {"front": {"mask": "Ada", "spheres": "Bob"}}
+
+
 def test_a_store_that_was_removed_and_filled_again_is_shown_as_it_is_now(tmp_path: Path) -> None:
     browser, shown = client(tmp_path / "store"), []
     for radius, run in ((5.0, "run a"), (6.0, "run b")):

@@ -150,6 +150,29 @@ def test_a_page_whose_server_was_killed_in_a_stroke_saves_it_to_the_next_one(
     page.close()
 
 
+def test_a_page_finds_its_server_again_and_shows_what_it_could_not(killed: KilledServer, chromium: Any) -> None:
+    page = opened(killed, chromium)
+    page.keyboard.press("b")
+    drag(Tab(page, []), (10, 10), (30, 12))
+    painted = page.get_attribute("section[data-pixels]", "data-pixels")
+    killed.kill()
+    page.keyboard.press("m")
+    page.wait_for_selector("#status.error >> text=this page keeps what is not saved")
+    killed.start()
+    page.wait_for_selector("#status >> text=The server answers again.")
+    page.wait_for_selector(".stage[data-shown$='level/peak']")
+    assert page.get_attribute("section[data-pixels]", "data-pixels") == painted
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.click("aside .save button:has-text('Save')")
+    page.wait_for_selector("#status >> text=Saved.")
+    killed.kill()
+    page.click("#tabs >> text=Versions")  # its module has not been loaded
+    page.wait_for_selector("[role=alert] >> text=the server does not answer")
+    killed.start()
+    page.wait_for_selector(".versions .divider")
+    page.close()
+
+
 @pytest.mark.server
 def test_a_run_goes_on_where_its_server_was_killed_and_the_page_finds_it_again(
     server: Server, killed: KilledServer, chromium: Any

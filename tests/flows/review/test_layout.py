@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from tests.flows.review.conftest import Tab
-from tests.flows.review.inputs_view import INPUTS, READY, settle
+from tests.flows.review.conftest import ServedPage, Tab
+from tests.flows.review.inputs_view import INPUTS, READY, asked, place, settle
 
 pytestmark = pytest.mark.long
 
@@ -39,6 +39,35 @@ def test_the_pose_of_a_view_with_a_long_name_is_in_sight(tab: Tab) -> None:
     assert plan["x"] <= label["x"] and label["width"] < plan["width"] / 2
     # The store has no such capture, and so no picture and no row of it.
     tab.complaints[:] = [text for text in tab.complaints if "404" not in text]
+
+
+def test_lists_of_keys_and_reasons_begin_at_their_beginning_with_close_in_sight(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    for width, height in ((1280, 800), (1024, 600)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.click("#help")
+        first, close = (page.locator(f"#keys {name}").first.bounding_box() for name in ("dt", "button"))
+        assert 0 <= first["y"] < close["y"] and close["y"] + close["height"] <= height
+        page.keyboard.press("Escape")
+
+
+def test_what_is_known_of_a_pixel_comes_into_sight(served: ServedPage, tab: Tab) -> None:
+    page, region = tab.open(INPUTS, READY), asked(served, "inputs")["used"]["region"]
+    page.mouse.click(*place(tab, region["x"] + region["width"] / 2, region["y"] + region["height"] / 2))
+    page.wait_for_selector("aside .chips >> nth=0")
+    row, side = page.locator("aside .chips").first.bounding_box(), page.locator("aside").bounding_box()
+    assert row["y"] + row["height"] <= side["y"] + side["height"]
+
+
+def test_the_scale_of_angles_lies_on_the_picture(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "versions"), ".versions .divider")
+    for width, height in ((1280, 800), (1024, 768)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.check("text=Map of angles")
+        legend, stage = (page.locator(name).bounding_box() for name in (".legend-box", ".versions .light-stage"))
+        assert stage["x"] < legend["x"] and legend["x"] + legend["width"] < stage["x"] + stage["width"]
+        assert stage["y"] < legend["y"] and legend["y"] + legend["height"] < stage["y"] + stage["height"] < height
+    settle(tab)
 
 
 def test_the_surface_fills_the_page_and_the_profile_comes_into_sight(tab: Tab) -> None:

@@ -32,18 +32,58 @@ def test_an_error_covers_no_control_and_is_closed_by_mouse_and_keys(tab: Tab) ->
         page.focus("main")
         page.keyboard.press("m")
         tab.wait(f"{STATUS} !== ''")
-        status, timeline = (page.locator(name).bounding_box() for name in ("#status", ".timeline"))
-        assert status["y"] + status["height"] <= timeline["y"]
+        for width, height in ((1280, 800), (1024, 768)):
+            page.set_viewport_size({"width": width, "height": height})
+            status, timeline, side = (page.locator(name).bounding_box() for name in ("#status", ".timeline", "aside"))
+            assert status["y"] + status["height"] <= timeline["y"]
+            assert status["x"] + status["width"] <= side["x"]
         close()
         assert page.evaluate(STATUS) == ""
     tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
+
+
+def test_a_picture_that_does_not_come_is_not_said_to_be_shown(tab: Tab) -> None:
+    page, peak, median = tab.open(INPUTS, READY), "[data-kind=peak]", "[data-kind=background]"
+    refusal = {"error": "the frames are damaged", "remedy": "run the capture again"}
+    page.route("**/level/peak", lambda route: route.fulfill(status=422, json=refusal))
+    page.focus("main")
+    page.keyboard.press("m")
+    tab.wait(f"{STATUS}.startsWith('the frames are damaged')")
+    assert [page.get_attribute(button, "aria-pressed") for button in (peak, median)] == ["false", "true"]
+    page.unroute("**/level/peak")
+    page.keyboard.press("m")
+    page.wait_for_selector(".stage[data-shown$='level/peak']")
+    assert [page.get_attribute(button, "aria-pressed") for button in (peak, median)] == ["true", "false"]
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_who_is_not_let_in_any_longer_is_told_how_to_save(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.3")
+    page.keyboard.press("Tab")
+    cookies = page.context.cookies()
+    page.context.clear_cookies()
+    page.click("aside .save button:has-text('Save')")
+    tab.wait(f"{STATUS}.includes('in another tab; this page keeps what is not saved')")
+    page.context.add_cookies(cookies)
+    page.click("aside .save button:has-text('Save')")
+    tab.wait(f"{STATUS} === 'Saved.'")
+    page.click("text=take back")
+    tab.wait(f"{STATUS} === 'Taken back.'")
+    tab.complaints[:] = [text for text in tab.complaints if "401" not in text]
 
 
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
         ("Region: width", "5000", "The region cannot have width 5000"),
-        ("r of sphere 1", "1", "A sphere cannot have the radius 1"),
+        ("Region: x", "", 'No number was typed for "Region: x"'),
+        ("r of sphere 1", "1", '"r of sphere 1" cannot be 1: it must be at least 3 pixels'),
+        ("y of sphere 1", "", 'No number was typed for "y of sphere 1"'),
+        ("Diameter of sphere 1 in millimetres", "-2", '"Diameter of sphere 1 in millimetres" cannot be -2'),
+        ("Focal length in pixels", "0", '"Focal length in pixels" cannot be 0: it must be more than 0'),
+        ("Millimetres of a pixel", "-1", '"Millimetres of a pixel" cannot be -1'),
     ],
 )
 def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, words: str) -> None:
@@ -53,6 +93,31 @@ def test_a_number_that_is_not_taken_is_named(tab: Tab, field: str, value: str, w
     page.keyboard.press("Enter")
     tab.wait(f"{STATUS}.startsWith({words!r})")
     assert page.input_value(f"[aria-label='{field}']") == before
+    assert page.is_disabled("aside .save button >> nth=0"), "nothing is changed"
+    page.fill(f"[aria-label='{field}']", str(float(before or 10.0) - 1.0))
+    page.keyboard.press("Enter")
+    tab.wait(f"{STATUS} === ''")
+
+
+@pytest.mark.parametrize(
+    ("view", "ready", "kind", "angle"),
+    [
+        (INPUTS, READY, "How the pose is given", "Degrees by which the object is turned"),
+        (INPUTS.replace("inputs", "poses"), ".plan .camera", "Pose of front", "Degrees of front"),
+    ],
+)
+def test_an_emptied_angle_of_a_turntable_is_named_and_stays(
+    tab: Tab, view: str, ready: str, kind: str, angle: str
+) -> None:
+    page = tab.open(view, ready)
+    page.select_option(f"[aria-label='{kind}']", "turntable")
+    for typed, words in (("", "No number was typed for"), ("50000", "cannot be 50000: it must lie between")):
+        page.fill(f"[aria-label^='{angle}']", "30")
+        page.keyboard.press("Tab")
+        page.fill(f"[aria-label^='{angle}']", typed)
+        page.keyboard.press("Tab")
+        tab.wait(f"{STATUS}.includes({words!r})")
+        assert page.input_value(f"[aria-label^='{angle}']") == "30"
 
 
 def test_a_note_without_words_is_refused_in_words_and_one_with_them_confirmed(served: ServedPage, tab: Tab) -> None:
@@ -65,11 +130,13 @@ def test_a_note_without_words_is_refused_in_words_and_one_with_them_confirmed(se
     settle(tab)
 
 
-def test_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
+def test_a_version_says_what_was_edited_and_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
     def two_versions(route: Any) -> None:
         answer = route.fetch()
         (version, *_) = answer.json()
-        route.fulfill(response=answer, json=[version | {"name": "v2"}, version])
+        edits = {"front": {"mask": "Ada", "pixel_size": "Bob"}}
+        message = "run b7806b41-6020-46f3-80f2-bacf9d72381f"
+        route.fulfill(response=answer, json=[version | {"name": "v2", "edits": edits, "message": message}, version])
 
     def difference(route: Any) -> None:
         address = route.request.url.replace("/v1/v2/", "/v1/v1/")
@@ -83,6 +150,8 @@ def test_a_digest_is_told_by_its_beginning(tab: Tab) -> None:
     tab.page.route("**/hemisphere/versions", two_versions)
     tab.page.route("**/differences/v1/v2/**", difference)
     page = tab.open(VERSIONS, ".versions .changes")
+    edited, catalogue = (page.inner_text(f".versions .side tbody tr:nth-child({number})") for number in (1, 2))
+    assert "edited: mask, pixel size (Ada, Bob)\nrun b7806b41\n" in edited and "inputs of the catalogue" in catalogue
     cell = page.locator(".versions .changes td").last
     assert (cell.inner_text(), cell.get_attribute("title")) == ("contents 7218b1ff…", "7218b1ff" * 8)
     settle(tab)

@@ -53,6 +53,9 @@ def test_a_loop_is_stopped_stepped_and_tinted_without_keys(tab: Tab) -> None:
     page.focus("main")
     page.keyboard.press("h")
     assert tint.get_attribute("aria-pressed") == "false"
+    page.keyboard.press("p")
+    controls.wait_for(state="hidden")  # nothing is chosen yet that a loop could show
+    page.keyboard.press("q")
     controls.get_by_text("Play").click()
     tab.wait(f"document.querySelector('.frame-number').innerText !== '{frame}'")
 
@@ -74,3 +77,16 @@ def test_modules_of_the_view_are_served_with_the_page() -> None:
         "questions.css",
         "view.js",
     }
+
+
+def test_no_loop_of_another_question_is_shown_while_the_server_does_not_answer(tab: Tab) -> None:
+    page = tab.open(VIEW, READY)
+    page.route("**/questions/loop*", lambda route: route.abort())
+    page.focus("main")
+    page.keyboard.press("s")
+    page.wait_for_selector("#status.error >> text=the server does not answer")
+    page.wait_for_selector("canvas.loop", state="hidden")
+    page.unroute("**/questions/loop*")
+    page.wait_for_selector("#status >> text=The server answers again.")
+    page.wait_for_selector(READY)
+    tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]

@@ -1,14 +1,13 @@
 // The camera's perspective, with its principal point on the picture, and the pose of the view, with a turntable's angle.
 
 import { addressOf } from "../api.js";
-import { element } from "../dom.js";
-import { POSE_KINDS, kindOf, poseOf, turnBetween } from "../poses/pose.js";
+import { POSITIVE, element, isEmptied, typedNumber } from "../dom.js";
+import { POSE_KINDS, TURN, kindOf, poseOf, turnBetween } from "../poses/pose.js";
 import { Konva } from "../vendor.js";
 import { EditedValue } from "./edited_value.js";
 
 const COLOUR = "#b79bff";
 const DIAGONAL_35MM = 43.27;
-const MAX_TURN_DEG = 36000;
 
 export class CameraLayer extends EditedValue {
   constructor(view) {
@@ -18,7 +17,14 @@ export class CameraLayer extends EditedValue {
     this.cross.on("dragstart", () => (this.before = this.matrix));
     this.cross.on("dragmove", () => this.put(this.centred(this.cross.x(), this.cross.y())));
     this.cross.on("dragend", () => this.noted(this.before));
-    this.fields = element("div", { class: "fields" });
+    const field = (text, name, taken) => {
+      const input = element("input", { type: "number", step: "any", placeholder: "px", "aria-label": name, onchange: () => taken(input) });
+      return { input, root: element("label", {}, text, input) };
+    };
+    this.focal = field("f", "Focal length in pixels", (input) => this.take(typedNumber(input, ...POSITIVE), (value) => this.focused(value)));
+    const centred = (number, value) => this.centred(...[this.matrix[0][2], this.matrix[1][2]].with(number, value));
+    this.centre = ["x", "y"].map((axis, number) => field(`c${axis}`, `Principal point: ${axis}`, (input) => this.take(typedNumber(input), (value) => centred(number, value))));
+    this.fields = element("div", { class: "fields" }, this.focal.root, this.centre.map(({ root }) => root));
     this.equivalent = element("input", { type: "number", min: "1", step: "0.5", placeholder: "mm", "aria-label": "Focal length as of a 35 mm camera, in millimetres", onchange: () => this.typedEquivalent() });
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Camera"), this.fields, element("label", { class: "line" }, "As of a 35 mm camera", this.equivalent), this.state);
@@ -58,29 +64,27 @@ export class CameraLayer extends EditedValue {
   }
 
   typedEquivalent() {
-    const length = Number(this.equivalent.value);
+    if (isEmptied(this.equivalent)) return;
     const diagonal = Math.hypot(...this.view.inputs.frame_size);
-    if (length > 0) this.typed(this.focused(rounded((length * diagonal) / DIAGONAL_35MM)));
+    this.take(typedNumber(this.equivalent, ...POSITIVE), (length) => this.focused(rounded((length * diagonal) / DIAGONAL_35MM)));
+    this.equivalent.value = "";
+  }
+
+  /** Takes the matrix that follows from a number, null for none. */
+  take(value, matrixOf) {
+    if (value === null) this.show();
+    else this.typed(matrixOf(value));
   }
 
   show() {
     const { matrix } = this;
-    const entries = [["f", "Focal length in pixels", matrix?.[0][0], (value) => value > 0 && this.focused(value)]];
-    if (matrix) {
-      entries.push(["cx", "Principal point: x", matrix[0][2], (value) => this.centred(value, matrix[1][2])]);
-      entries.push(["cy", "Principal point: y", matrix[1][2], (value) => this.centred(matrix[0][2], value)]);
-      this.cross.position({ x: matrix[0][2], y: matrix[1][2] });
-    }
+    this.focal.input.value = matrix ? String(rounded(matrix[0][0])) : "";
+    this.centre.forEach(({ root, input }, number) => {
+      root.hidden = !matrix;
+      input.value = matrix ? String(rounded(matrix[number][2])) : "";
+    });
+    if (matrix) this.cross.position({ x: matrix[0][2], y: matrix[1][2] });
     this.cross.visible(this.view.tool === "camera" && matrix !== null);
-    this.fields.replaceChildren(...entries.map(([text, name, value, changed]) => element("label", {}, text, element("input", {
-      type: "number", step: "any", value: value === undefined ? "" : String(rounded(value)), placeholder: "px", "aria-label": name,
-      onchange: (event) => {
-        const next = event.target.value !== "" && Number.isFinite(Number(event.target.value)) && changed(Number(event.target.value));
-        if (next) this.typed(next);
-        else this.show();
-      },
-    }))));
-    this.equivalent.value = "";
     const angle = matrix && (2 * Math.atan(this.view.inputs.frame_size[0] / 2 / matrix[0][0]) * 180) / Math.PI;
     const origin = this.isChanged ? "changed, not saved" : this.origin;
     this.state.textContent = matrix ? `perspective, ${angle.toFixed(1)}° wide, ${origin}` : "not known: taken as orthographic, as from far away";
@@ -91,9 +95,11 @@ export class PoseLayer extends EditedValue {
   constructor(view) {
     super(view);
     this.kind = element("select", { "aria-label": "How the pose is given", onchange: () => this.chosen() }, POSE_KINDS.map(([value, text]) => element("option", { value }, text)));
-    this.field = element("div", {});
+    this.angle = element("input", { type: "number", step: "any", "aria-label": "Degrees by which the object is turned, counter-clockwise from above", onchange: () => this.typedAngle() });
+    this.turned = element("label", { class: "line" }, "Turned by", this.angle, "degrees");
+    this.matrix = element("textarea", { rows: "4", "aria-label": "Matrix from camera to world, four rows of four numbers", spellcheck: "false", onchange: () => this.typedMatrix() });
     this.state = element("p", { class: "faint" });
-    this.root = element("section", {}, element("h2", {}, "Pose of the view"), element("label", { class: "line" }, "Pose", this.kind), this.field, this.state,
+    this.root = element("section", {}, element("h2", {}, "Pose of the view"), element("label", { class: "line" }, "Pose", this.kind), this.turned, this.matrix, this.state,
       element("a", { href: addressOf(view.capture.object, view.capture.capture, "poses") }, "All views of this object together"));
     const { width, height } = view.picture;
     this.radius = Math.min(width, height) / 5;
@@ -147,22 +153,24 @@ export class PoseLayer extends EditedValue {
     if (turn !== undefined) {
       const angle = (turn * Math.PI) / 180;
       this.handle.position({ x: this.table.x() + this.radius * Math.sin(angle), y: this.table.y() + (this.radius / 3) * Math.cos(angle) });
-      this.field.replaceChildren(element("label", { class: "line" }, "Turned by", element("input", {
-        type: "number", step: "any", value: String(turn), "aria-label": "Degrees by which the object is turned, counter-clockwise from above",
-        onchange: (event) => this.typed({ turntable: Math.max(-MAX_TURN_DEG, Math.min(MAX_TURN_DEG, Number(event.target.value) || 0)) }),
-      }), "degrees"));
-    } else if (this.pose) {
-      this.field.replaceChildren(element("textarea", {
-        rows: "4", "aria-label": "Matrix from camera to world, four rows of four numbers", spellcheck: "false",
-        onchange: (event) => this.typedMatrix(event.target.value),
-      }, this.pose.camera_to_world.map((row) => row.join(" ")).join("\n")));
-    } else this.field.replaceChildren();
+      this.angle.value = String(turn);
+    }
+    const rows = this.pose?.camera_to_world;
+    this.matrix.value = rows ? rows.map((row) => row.join(" ")).join("\n") : "";
+    this.turned.hidden = turn === undefined;
+    this.matrix.hidden = !rows;
     this.toolChanged(this.view.tool);
     this.state.textContent = this.isChanged ? "changed, not saved" : this.pose ? this.origin : "only objects with several views need it";
   }
 
-  typedMatrix(text) {
-    const rows = text.trim().split("\n").map((row) => row.trim().split(/[\s,]+/).map(Number));
+  typedAngle() {
+    const angle = typedNumber(this.angle, ...TURN);
+    if (angle === null) this.show();
+    else this.typed({ turntable: angle });
+  }
+
+  typedMatrix() {
+    const rows = this.matrix.value.trim().split("\n").map((row) => row.trim().split(/[\s,]+/).map(Number));
     const isMatrix = rows.length === 4 && rows.every((row) => row.length === 4 && row.every(Number.isFinite));
     if (isMatrix) this.typed({ camera_to_world: rows });
     else this.state.textContent = "The matrix has four rows of four numbers.";

@@ -3,7 +3,8 @@
 //
 // The centre of the top-left pixel is (0, 0), so the picture itself begins at (-0.5, -0.5).
 
-import { askPicture, newest } from "../api.js";
+import { askPicture, newest, NO_ANSWER } from "../api.js";
+import { ANSWERS } from "../connection.js";
 import { announceError } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { followFingers } from "./fingers.js";
@@ -28,6 +29,7 @@ export class Picture {
       observer.disconnect();
       this.stage.destroy();
     });
+    addEventListener(ANSWERS, () => this.missed && this.show(this.missed), { signal });
     this.resize();
     this.fit();
   }
@@ -36,17 +38,28 @@ export class Picture {
     return this.stage.scaleX();
   }
 
-  /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile. */
+  /** Loads a picture and shows it, or announces why it cannot, unless another one was asked for meanwhile.
+   *
+   *  Returns whether it is shown; undefined where that is open: another one was asked for, or the server is looked for. */
   async show(address) {
     const isNewest = this.begin();
+    this.missed = null;
     try {
       const bitmap = await createImageBitmap(await askPicture(address, this.signal));
-      if (!isNewest()) return bitmap.close();
+      if (!isNewest()) {
+        bitmap.close();
+        return undefined;
+      }
       this.image.image()?.close();
       this.image.image(bitmap);
       this.container.dataset.shown = address;
+      return true;
     } catch (error) {
-      if (isNewest()) announceError(error);
+      if (!isNewest()) return undefined;
+      announceError(error);
+      if (error.status !== NO_ANSWER) return false;
+      this.missed = address;
+      return undefined;
     }
   }
 

@@ -24,12 +24,14 @@ export class PixelPanel {
     const isNewest = this.begin();
     try {
       const pixel = await ask(`${this.view.capture.path}/pixel?x=${x}&y=${y}`, { signal: this.view.signal });
-      if (isNewest()) this.show(pixel);
+      if (!isNewest()) return;
+      this.show(pixel);
     } catch (error) {
       if (error.name === "AbortError" || !isNewest()) return;
       this.view.lights.showLit([]);
       this.content.replaceChildren(element("p", { class: "faint" }, `${x}, ${y}: ${error.message}`));
     }
+    this.root.scrollIntoView({ block: "nearest" });
   }
 
   show(pixel) {
@@ -40,7 +42,7 @@ export class PixelPanel {
     const normal = pixel.normal;
     this.content.replaceChildren(
       element("p", {}, `x ${pixel.x}, y ${pixel.y}`, pixel.in_mask ? "" : " · outside the mask"),
-      element("p", {}, `lit in ${pixel.count.toLocaleString("en")} frames, above level ${pixel.threshold}`, pixel.count > frames.length ? `, the brightest ${frames.length}:` : ":"),
+      element("p", {}, `lit in ${pixel.count.toLocaleString("en")} frames, above level ${pixel.threshold}`, pixel.count > frames.length ? `, the brightest ${frames.length}:` : frames.length ? ":" : ""),
       element("div", { class: "chips" }, frames),
       pixel.candidates.length ? this.table(pixel.candidates) : element("p", { class: "faint" }, "no candidate"),
       normal ? element("p", {}, `normal ${vector(normal.normal)} · ${normal.provenance} · ${percent(normal.confidence)} confident`) : null,

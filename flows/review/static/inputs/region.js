@@ -1,9 +1,10 @@
 // The region's rectangle, and the scale as a line of known length.
 
-import { announce, element } from "../dom.js";
+import { POSITIVE, announce, element, isEmptied, typedNumber, withdraw } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const COLOUR = "#e7b45a";
+const REFUSED = "The region cannot have";
 const FIELDS = [["x", "x"], ["y", "y"], ["width", "w"], ["height", "h"]];
 
 export class RegionLayer {
@@ -17,7 +18,7 @@ export class RegionLayer {
       handle.on("dragmove", () => this.dragged(handle));
       handle.on("dragend", () => this.noted(this.before));
     });
-    this.inputs = FIELDS.map(([name]) => element("input", { type: "number", step: "1", min: "0", "aria-label": `Region: ${name}`, onchange: (event) => this.typed(name, Number(event.target.value)) }));
+    this.inputs = FIELDS.map(([name]) => element("input", { type: "number", step: "1", min: "0", "aria-label": `Region: ${name}`, onchange: (event) => this.typed(name, typedNumber(event.target)) }));
     this.fields = element("div", { class: "fields" }, FIELDS.map(([, text], i) => element("label", {}, text, this.inputs[i])));
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Region"), this.fields, this.state);
@@ -83,15 +84,18 @@ export class RegionLayer {
     this.rescale();
   }
 
+  /** Takes a number that was typed into a field, null for none. */
   typed(name, value) {
+    if (value === null) return this.draw();
     const [width, height] = this.view.inputs.frame_size;
     const next = { ...this.region, [name]: Math.round(value) };
     const fits = next.x >= 0 && next.y >= 0 && next.width > 0 && next.height > 0 && next.x + next.width <= width && next.y + next.height <= height;
     if (fits) {
       const before = { ...this.region };
+      withdraw(REFUSED);
       this.region = next;
       this.noted(before);
-    } else announce(`The region cannot have ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
+    } else announce(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
     this.draw();
   }
 
@@ -159,21 +163,24 @@ export class ScaleLayer {
   }
 
   typed() {
-    const length = Number(this.length.value);
-    if (!(length > 0)) return;
-    if (!this.pixels) announce("Draw the line on the picture with Scale, or type the millimetres of a pixel.", "error");
+    if (isEmptied(this.length)) return;
+    const length = typedNumber(this.length, ...POSITIVE);
+    if (length === null) this.length.value = "";
+    else if (!this.pixels) announce("Draw the line on the picture with Scale, or type the millimetres of a pixel.", "error");
     else this.set(Number((length / this.pixels).toPrecision(6)));
   }
 
   /** Takes the millimetres of a pixel; an empty field takes the edit back. */
   typedSize() {
-    const size = this.perPixel.value === "" ? null : Number(this.perPixel.value);
-    if (size === null || size > 0) this.set(size);
+    const isEmpty = isEmptied(this.perPixel);
+    const size = isEmpty ? null : typedNumber(this.perPixel, ...POSITIVE);
+    if (isEmpty || size !== null) this.set(size);
     else this.show();
   }
 
   set(after) {
     const before = this.size;
+    if (after === before) return this.show();
     const put = (size) => { this.size = size; this.show(); };
     put(after);
     this.view.history.add({ undo: () => put(before), redo: () => put(after) });

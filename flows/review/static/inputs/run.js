@@ -30,6 +30,7 @@ export class RunPanel {
     this.version ??= row.version;
     if (row.state === "running") this.followRow(row, 0);
     else if (row.state === "failed") this.show(`The last run failed: ${failureOf(row)}`, "doubt");
+    else if (row.state === "reading") this.later(() => this.find().catch(() => {}), RETRY_MS);
   }
 
   async start() {

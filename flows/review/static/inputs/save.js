@@ -20,7 +20,8 @@ export class SavePanel {
 
   show() {
     const { history, edits } = this.view;
-    this.button.disabled = !history.isDirty;
+    // A number is taken as typed when Save is pressed, which a disabled button would not notice.
+    this.button.ariaDisabled = String(!history.isDirty);
     this.undoButton.disabled = !history.done.length;
     this.redoButton.disabled = !history.undone.length;
     if (this.shown === edits) return;

@@ -11,6 +11,9 @@ const FIT = "#8fd6a5";
 const NEW_RADIUS_SHARE = 0.08;
 const NUDGE_PX = 0.5;
 const REST_MS = 400;
+/** Radius of a handle, and the width of the ring around a line in which it is taken, in pixels of the screen. */
+const HANDLE_PX = 7;
+const HIT_PX = 12;
 
 export class SphereLayer {
   constructor(view) {
@@ -67,7 +70,7 @@ export class SphereLayer {
   drawCircle(sphere, number) {
     const isChosen = number === this.chosen && this.view.tool === "spheres";
     const stroke = isChosen ? CHOSEN : COLOUR;
-    const circle = new Konva.Circle({ x: sphere.x, y: sphere.y, radius: sphere.radius, stroke, strokeWidth: 2, strokeScaleEnabled: false, draggable: true, hitStrokeWidth: 12, fill: "rgba(125,183,255,0.06)" });
+    const circle = new Konva.Circle({ x: sphere.x, y: sphere.y, radius: sphere.radius, stroke, strokeWidth: 2, strokeScaleEnabled: false, draggable: true, fill: "rgba(125,183,255,0.06)" });
     const cross = [[-1, 0, 1, 0], [0, -1, 0, 1]].map((points) => new Konva.Line({ x: sphere.x, y: sphere.y, points, stroke, strokeWidth: 1, strokeScaleEnabled: false, name: "cross", listening: false }));
     const handle = new Konva.Circle({ x: sphere.x + sphere.radius, y: sphere.y, radius: 1, fill: stroke, stroke: "#111", strokeWidth: 1, strokeScaleEnabled: false, draggable: true, name: "handle" });
     const before = { ...sphere };
@@ -96,9 +99,11 @@ export class SphereLayer {
 
   rescale() {
     const zoom = this.view.picture.zoom;
-    for (const handle of this.group.find(".handle")) handle.radius(7 / zoom);
+    for (const handle of this.group.find(".handle")) handle.radius(HANDLE_PX / zoom);
     for (const cross of this.group.find(".cross")) cross.scale({ x: 6 / zoom, y: 6 / zoom });
-    for (const shape of this.group.find("Circle")) shape.hitStrokeWidth(12);
+    for (const shape of this.group.find("Circle")) shape.hitStrokeWidth(HIT_PX);
+    // A small circle is taken by its middle, which the handle must leave free.
+    this.group.find(".handle").forEach((handle, number) => handle.hitStrokeWidth(Math.max(0, Math.min(HIT_PX, 2 * (this.spheres[number].radius * zoom - HANDLE_PX) - HIT_PX))));
   }
 
   moved(number, before) {

@@ -80,7 +80,8 @@ class InputsView {
   verdict() {
     const warnings = this.inputs.warnings.map((warning) =>
       element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message, " ", this.toolFor(warning.cause)));
-    return element("section", {}, element("h2", {}, this.inputs.verdict ?? "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+    const { verdict } = this.inputs;
+    return element("section", {}, element("h2", {}, verdict ? `Verdict: ${verdict}` : "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
   }
 
   /** Returns the button of the tool that corrects what a warning is about, null where none does. */
@@ -106,7 +107,7 @@ class InputsView {
 
   showPicture() {
     this.lights.mark(this.timeline.frame);
-    this.picture.show(`${this.capture.path}/${this.timeline.path}`);
+    return this.picture.show(`${this.capture.path}/${this.timeline.path}`);
   }
 
   use(tool) {

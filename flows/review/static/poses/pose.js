@@ -3,6 +3,11 @@
 /** Kinds of poses, with the words for them. */
 export const POSE_KINDS = [["", "not known"], ["turntable", "turntable"], ["camera_to_world", "matrix"]];
 
+const MAX_TURN_DEG = 36000;
+
+/** What the angle of a turntable must be: arguments of `typedNumber`. */
+export const TURN = [(turn) => Math.abs(turn) <= MAX_TURN_DEG, `it must lie between -${MAX_TURN_DEG} and ${MAX_TURN_DEG} degrees`];
+
 const IDENTITY = [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => Number(row === column)));
 
 /** Returns the kind of a pose. */

@@ -1,15 +1,15 @@
 // The poses view: from where each view of an object was taken, all of them together.
 
-import { addressOf, ask, capturePath, objectPath } from "../api.js";
+import { ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
 import { addStyleSheets, announce, announceError, element } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
 import { Plan, direction, legend, turnOf } from "./plan.js";
-import { POSE_KINDS, kindOf, poseOf, turnBetween } from "./pose.js";
+import { poseOf } from "./pose.js";
+import { PoseRow } from "./row.js";
 
-const NOTICED_DEG = 1;
 const FULL_TURN = 360;
 
 export async function open(root, capture, signal) {
@@ -31,7 +31,8 @@ class PosesView {
     this.button = element("button", { type: "button", onclick: () => this.save.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
     this.undoButton = element("button", { type: "button", onclick: () => this.history.undo() }, "Undo");
     this.conflict = element("div", { role: "alert" });
-    this.body = element("tbody", {});
+    this.rows = this.views.map(({ capture }, number) =>
+      new PoseRow(object, capture, (kind) => this.chosen(number, kind), (turn) => this.change([[number, { turntable: turn }]])));
     // What the panel of a run expects.
     this.save = { save: () => this.saveAll() };
     this.run = new RunPanel(this);
@@ -42,7 +43,7 @@ class PosesView {
       element("aside", { "aria-label": "Poses" },
         element("section", {}, element("h2", {}, `${this.views.length} ${this.views.length === 1 ? "view" : "views"}`),
           this.views.length === 1 ? element("p", { class: "faint" }, "Only objects with several views need poses: a model is merged from them.") : null,
-          element("table", {}, head, this.body)),
+          element("table", {}, head, element("tbody", {}, this.rows.map((row) => row.root)))),
         element("section", {}, element("h2", {}, "All at once"), element("div", { class: "chips" }, tools.map(([text, action]) => element("button", { type: "button", onclick: action }, text)))),
         element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton), this.conflict),
         this.run.root));
@@ -102,21 +103,9 @@ class PosesView {
   show() {
     if (!this.plan) return;
     this.plan.show();
-    this.body.replaceChildren(...this.views.map((view, number) => this.row(view, number)));
+    this.views.forEach((view, number) => this.rows[number].show(view));
     this.button.disabled = !this.views.some(({ isChanged }) => isChanged);
     this.undoButton.disabled = !this.history.done.length;
-  }
-
-  row({ capture, pose, is_edited: isEdited, isChanged, found, left_out: leftOut }, number) {
-    const kind = kindOf(pose);
-    const select = element("select", { "aria-label": `Pose of ${capture}`, onchange: (event) => this.chosen(number, event.target.value) },
-      POSE_KINDS.map(([value, text]) => element("option", { value, selected: value === kind }, text)));
-    const angle = kind === "turntable" ? element("input", {
-      type: "number", step: "any", value: String(pose.turntable), "aria-label": `Degrees of ${capture}`,
-      onchange: (event) => Number.isFinite(Number(event.target.value)) && this.change([[number, { turntable: Number(event.target.value) }]]),
-    }) : kind ? element("a", { href: addressOf(this.object, capture) }, "under Inputs") : "–";
-    const origin = isChanged ? "changed" : isEdited ? "set here" : pose ? "catalogue" : "";
-    return element("tr", { class: isChanged ? "is-changed" : "" }, element("th", { scope: "row" }, capture, element("span", { class: "faint" }, ` ${origin}`)), element("td", {}, select), element("td", {}, angle), element("td", {}, fitWords(pose, found, leftOut)));
   }
 
   async saveAll() {
@@ -155,15 +144,4 @@ class PosesView {
     };
     showConflict(this.conflict, "changed", element("ul", {}, lines), { keep, take: () => this.conflict.replaceChildren() });
   }
-}
-
-/** How a view's pose agrees with the last model. */
-function fitWords(pose, found, leftOut) {
-  if (leftOut) return element("span", { class: "doubt", title: leftOut }, "left out");
-  if (!found) return element("span", { class: "faint" }, "no model");
-  const misses = `contour off by ${found.outline_misses_pixels.toFixed(1)} px`;
-  if (pose?.turntable === undefined) return misses;
-  const turn = turnOf(direction({ camera_to_world: found.camera_to_world }));
-  const off = turnBetween(pose.turntable, turn);
-  return Math.abs(off) < NOTICED_DEG ? misses : `${misses}; it has ${off > 0 ? "+" : ""}${off.toFixed(1)}°`;
 }

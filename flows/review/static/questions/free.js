@@ -34,7 +34,7 @@ export class FreeMarks {
 
   showPicture() {
     this.forget();
-    this.picture.show(`${this.view.capture.path}/${this.timeline.path}`);
+    return this.picture.show(`${this.view.capture.path}/${this.timeline.path}`);
   }
 
   /** What is being marked: one of the choices, or null. */

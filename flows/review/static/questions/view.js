@@ -2,7 +2,8 @@
 
 import { ask } from "../api.js";
 import { Author } from "../author.js";
-import { addStyleSheets, announceError, element } from "../dom.js";
+import { ANSWERS } from "../connection.js";
+import { addStyleSheets, announceError, element, percent } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
 import { Draft } from "./draft.js";
@@ -24,6 +25,7 @@ export async function open(root, capture, signal) {
   await view.marks.follow();
   wait.replaceWith(...view.parts);
   await view.show("proposed");
+  addEventListener(ANSWERS, () => view.resume(), { signal });
 }
 
 class QuestionsView {
@@ -54,12 +56,13 @@ class QuestionsView {
     this.run = new RunPanel(this);
     this.place = element("div", { class: "question-place" });
     this.loopPlace = element("div", { class: "loop-place" });
+    this.loopSection = element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, this.controls, element("div", { class: "line lights" }, this.sphere, this.light));
     this.parts = [
       element("div", { class: "question-stage" },
         element("div", { class: "line", role: "group", "aria-label": "What to mark" }, this.modes), this.text, this.place,
         element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
-        element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, this.controls, element("div", { class: "line lights" }, this.sphere, this.light)),
+        this.loopSection,
         element("section", {}, element("h2", {}, "Answers"), this.author.input, this.draft.state, this.draft.picture, this.more),
         this.marks.root, this.run.root),
     ];
@@ -135,13 +138,15 @@ class QuestionsView {
     for (const button of [isTrue, isFalse, skip]) button.disabled = !question;
     for (const [button, kind] of [[isTrue, "true"], [isFalse, "false"]]) button.title = refused[kind] ? `Refused: ${refused[kind]}` : "";
     undo.disabled = !this.marks.steps.length;
-    for (const part of [this.object, this.number, this.light]) part.hidden = !question;
+    for (const part of [this.object, this.loopSection, this.light]) part.hidden = !question;
     if (!question) this.sphere.hidden = true;
     this.say(text);
     if (!question) return this.loop.forget();
     try {
       await this.loop.show(question, this.path, this.signal);
     } catch (error) {
+      // The loop before is not that of this question.
+      if (error.name !== "AbortError") for (const part of [this.object, this.sphere, this.light]) part.hidden = true;
       announceError(error);
     }
   }
@@ -150,7 +155,7 @@ class QuestionsView {
     const { question } = this;
     if (!question) return this.showAsked(null, this.questions.length ? "All of these are answered or skipped." : "There is nothing to ask: no frame shows a sheet in doubt. Mark freely what you know.");
     const now = question.accepted ? "Glint takes it for the outer surface" : "Glint does not take it for the outer surface";
-    await this.showAsked(question, `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? ${now}, and is wrong with a probability of ${Math.round(question.wrong * 100)}%.`);
+    await this.showAsked(question, `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? ${now}, and is wrong with a probability of ${question.wrong < 0.01 ? "less than 1%" : percent(question.wrong)}.`);
   }
 
   /** Shows a highlight that was chosen on the picture, or (null) why there is none. */
@@ -205,6 +210,13 @@ class QuestionsView {
     } catch (error) {
       announceError(error);
     }
+  }
+
+  /** Shows what could not be shown while the server did not answer. */
+  resume() {
+    if (this.mode === "free") return;
+    if (!this.questions) this.ask();
+    else if (this.asked && !this.loop.question) this.showQuestion();
   }
 
   go(mark) {

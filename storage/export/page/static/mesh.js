@@ -163,9 +163,15 @@ export class MeshView {
 
   released(event) {
     const isClick = this.pressed && Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) < 4;
-    if (!this.isMeasuring || !isClick || !this.mesh) return;
-    const box = this.canvas.getBoundingClientRect(), caster = new Raycaster();
-    const place = new Vector2(((event.clientX - box.x) / box.width) * 2 - 1, 1 - ((event.clientY - box.y) / box.height) * 2);
+    if (!this.isMeasuring || !isClick) return;
+    const box = this.canvas.getBoundingClientRect();
+    this.mark(new Vector2(((event.clientX - box.x) / box.width) * 2 - 1, 1 - ((event.clientY - box.y) / box.height) * 2));
+  }
+
+  /** Set a point to measure from or to where the mesh is seen at a place, -1 to 1 across and up. */
+  mark(place) {
+    if (!this.mesh) return;
+    const caster = new Raycaster();
     // Places follow the last change, also one that is not drawn yet.
     this.scene.updateMatrixWorld(true);
     caster.setFromCamera(place, this.camera);
@@ -187,7 +193,8 @@ export class MeshView {
 
   key(event) {
     const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    if (event.key === "+" || event.key === "-") this.camera.zoom *= event.key === "+" ? 1.2 : 1 / 1.2;
+    if (event.key === "Enter" && this.isMeasuring) this.mark(new Vector2(0, 0));
+    else if (event.key === "+" || event.key === "-") this.camera.zoom *= event.key === "+" ? 1.2 : 1 / 1.2;
     else if (event.key in turns) {
       const [around, up] = turns[event.key], offset = this.camera.position.clone().sub(this.controls.target);
       const length = offset.length(), azimuth = Math.atan2(offset.x, offset.z) + around * 0.12;

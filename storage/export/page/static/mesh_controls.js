@@ -5,12 +5,14 @@ import { button, choices, make, slider } from "./elements.js";
 import { MeshView } from "./mesh.js";
 import { meshArrays } from "./payload.js";
 
+const MEASURING = "Click two points; or turn one into the middle with the arrow keys and press Enter, then the other";
+
 export class MeshPanel {
   constructor() {
     const canvas = make("canvas", { className: "picture", tabIndex: 0 });
     canvas.setAttribute("aria-label", "The mesh. Drag or use the arrow keys to turn it, the wheel or + and - to zoom.");
     this.caption = make("p", { className: "caption", role: "status" });
-    this.stage = make("div", { className: "light-stage" }, canvas, this.caption);
+    this.stage = make("div", { className: "light-stage" }, canvas, make("div", { className: "aim" }), this.caption);
     this.view = new MeshView(canvas, (distance) => this.measured(distance));
     this.colour = make("div", {});
     this.views = make("div", {});
@@ -21,7 +23,7 @@ export class MeshPanel {
     this.cut = slider("Hide below confidence", { value: 0 }, (value) => value.toFixed(2), (value) => this.view.cutBelow(value));
     this.place = slider("Place of the cut", { min: -1, max: 1, value: 0.2 }, (value) => value.toFixed(2), () => this.section());
     this.axis = choices("Section", [["none", "None"], ["x", "Upright"], ["y", "Level"], ["z", "Facing"]], "none", (axis) => this.section(axis));
-    this.isMeasuring = make("input", { type: "checkbox", onchange: () => this.view.measure(this.isMeasuring.checked) });
+    this.isMeasuring = make("input", { type: "checkbox", onchange: () => this.measure() });
     this.size = make("p", { className: "mesh-size" });
     this.controls = make("aside", { className: "controls" }, this.colour, this.views, this.cameras, this.outlines, this.cut, this.axis, this.place,
       make("label", { className: "check" }, this.isMeasuring, make("span", {}, "Measure between two points")),
@@ -65,8 +67,14 @@ export class MeshPanel {
     this.view.cutAcross(axis, Number(this.place.querySelector("input").value));
   }
 
+  measure() {
+    this.stage.classList.toggle("is-measuring", this.isMeasuring.checked);
+    this.view.measure(this.isMeasuring.checked);
+    this.measured(null);
+  }
+
   measured(distance) {
-    const unit = this.capture?.facts.mesh.unit;
-    this.caption.textContent = distance === null ? "" : `${Number(distance.toPrecision(4))} ${unit} between the points`;
+    const unit = this.capture?.facts.mesh.unit, hint = this.isMeasuring.checked ? MEASURING : "";
+    this.caption.textContent = distance === null ? hint : `${Number(distance.toPrecision(4))} ${unit} between the points`;
   }
 }

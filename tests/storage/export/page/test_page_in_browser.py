@@ -212,6 +212,22 @@ def test_two_clicks_measure_on_the_mesh(page: browser.Page) -> None:
     assert float(words.split()[0]) == pytest.approx(2 * 0.6 * 6.0, rel=0.03) and "mm between" in words
 
 
+def test_two_points_are_measured_on_the_mesh_by_keys(page: browser.Page) -> None:
+    page.evaluate("glint.viewer.show('model')")
+    panel = "glint.viewer.meshes"
+    page.evaluate(f"{panel}.view.camera.position.set(0, 0, 3); {panel}.view.controls.update()")
+    page.evaluate(f"{panel}.isMeasuring.checked || {panel}.isMeasuring.click()")
+    assert page.evaluate(f"{panel}.caption.textContent").startswith("Click two points")
+    page.evaluate(f"{panel}.view.canvas.focus()")
+    for key in ("Enter", *["ArrowRight"] * 5, "Enter"):
+        page.command("Input.dispatchKeyEvent", type="keyDown", key=key, code=key)
+    words = page.wait(f"{panel}.caption.textContent")
+    chord = 2 * 6.0 * np.sin(5 * 0.12 / 2)
+    assert float(words.split()[0]) == pytest.approx(chord, rel=0.03) and "mm between" in words
+    page.evaluate(f"{panel}.isMeasuring.click()")
+    assert page.evaluate(f"{panel}.caption.textContent") == ""
+
+
 def test_the_light_follows_pointer_and_keys(page: browser.Page) -> None:
     shown_surface(page, 1)
     light = "glint.viewer.surface.relight.state.light"

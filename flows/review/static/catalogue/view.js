@@ -1,9 +1,11 @@
 // The catalogue view: one row for each capture, what needs a person first. Rows far off the screen are not in the page,
 // and come from the server in blocks when they are scrolled to.
 
-import { addressOf, ask, capturePath } from "./api.js";
-import { announce, announceError, duration, element, guarded, moment, percent } from "./dom.js";
-import { bind } from "./keys.js";
+import { ask } from "../api.js";
+import { announce, announceError, element, guarded } from "../dom.js";
+import { bind } from "../keys.js";
+import { offerMore, showReasons } from "./reasons.js";
+import { cellsOf } from "./row.js";
 
 const ROW_PX = 72;
 const BLOCK = 100;
@@ -43,7 +45,7 @@ class CatalogueView {
     this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
     root.classList.add("catalogue");
     root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.problem, this.summary, this.scroller);
-    addEventListener("resize", () => this.draw(), { signal });
+    addEventListener("resize", () => { this.draw(); offerMore([...this.space.children]); }, { signal });
     bind([
       ["/", "search", () => this.search.focus()],
       ["ArrowDown j", "next capture", () => this.move(1)],
@@ -53,6 +55,7 @@ class CatalogueView {
       ["Home", "first capture", () => this.move(-this.total)],
       ["End", "last capture", () => this.move(this.total)],
       ["Enter", "open the capture", () => this.follow()],
+      ["i", "all that is said about the capture", () => this.tell(this.chosen)],
     ], signal);
     this.search.addEventListener("keydown", (event) => {
       if (event.key === "ArrowDown" || event.key === "Enter") this.scroller.focus();
@@ -123,18 +126,29 @@ class CatalogueView {
     const bottom = Math.min(this.total, Math.ceil((this.scroller.scrollTop + this.scroller.clientHeight) / ROW_PX) + SPARE_ROWS);
     const present = new Map([...this.space.children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of present) if (number < top || number >= bottom) row.remove();
+    const made = [];
     for (let number = top; number < bottom; number += 1) {
       const block = Math.floor(number / BLOCK);
       const data = this.blocks.get(block)?.[number % BLOCK];
       if (!data) this.want(block);
-      const text = JSON.stringify([data ?? null, number === this.chosen]);
+      const text = JSON.stringify(data ?? null);
       const old = present.get(number);
-      if (old?.content === text) continue;
-      const row = this.rowOf(number, data, old?.querySelector("img"));
-      row.content = text;
-      if (old?.isConnected) old.replaceWith(row);
-      else this.space.append(row);
+      let row = old;
+      if (old?.content !== text) {
+        // The keyboard's place in a row is kept when the row is made anew.
+        const focused = old?.contains(document.activeElement) ? document.activeElement.className : null;
+        row = this.rowOf(number, data, old?.querySelector("img"));
+        row.content = text;
+        if (old?.isConnected) old.replaceWith(row);
+        else this.space.append(row);
+        made.push(row);
+        if (focused) row.querySelector(`.${focused}`)?.focus({ preventScroll: true });
+      }
+      // In place: a row that is made anew between the press of a button and its release is not clicked.
+      row.classList.toggle("chosen", number === this.chosen);
+      for (const part of row.querySelectorAll("a, button")) part.tabIndex = number === this.chosen ? 0 : -1;
     }
+    offerMore(made);
     this.empty?.remove();
     this.empty = null;
     if (this.total > 0) return;
@@ -162,22 +176,7 @@ class CatalogueView {
     const row = element("div", { class: "row", role: "listitem", "data-number": String(number) });
     row.style.top = `${number * ROW_PX}px`;
     if (!data) return row;
-    row.classList.toggle("chosen", number === this.chosen);
-    const source = `${capturePath(data.object, data.capture)}/thumbnail?of=${encodeURIComponent(data.version || data.state)}`;
-    if (image?.getAttribute("src") !== source) {
-      image = element("img", { src: source, alt: "", loading: "lazy", decoding: "async" });
-      image.addEventListener("error", () => image.classList.add("missing"));
-    }
-    row.append(
-      image,
-      element("a", { class: "name", title: `${data.object}/${data.capture}`, href: addressOf(data.object, data.capture), tabindex: number === this.chosen ? "0" : "-1" },
-        element("b", {}, data.object), element("span", {}, data.capture)),
-      element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
-      element("div", { class: "reason", title: fullReason(data) }, reason(data)),
-      element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
-        confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
-      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, moment(data.date))),
-    );
+    row.append(...cellsOf(data, image, () => this.tell(number)));
     row.addEventListener("mousedown", () => this.choose(number));
     return row;
   }
@@ -201,6 +200,16 @@ class CatalogueView {
     this.space.querySelector(`[data-number="${this.chosen}"] a`)?.click();
   }
 
+  /** Shows all that is said about a capture, and returns the keyboard to its row. */
+  tell(number) {
+    const data = this.blocks.get(Math.floor(number / BLOCK))?.[number % BLOCK];
+    if (!data) return;
+    showReasons(data, () => {
+      // The browser returns it by itself, except to a row that was made anew meanwhile.
+      if (document.activeElement === document.body) this.space.querySelector(`[data-number="${number}"] a`)?.focus({ preventScroll: true });
+    });
+  }
+
   poll() {
     const next = async () => {
       if (this.signal.aborted) return;
@@ -217,28 +226,4 @@ class CatalogueView {
     };
     setTimeout(next, POLL_MS);
   }
-}
-
-function stateText(data) {
-  if (data.state !== "running") return data.verdict && data.state !== "failed" ? data.verdict : data.state;
-  const parts = [data.stage || "starting"];
-  if (data.progress !== null) parts.push(percent(data.progress));
-  if (data.seconds_left) parts.push(`about ${duration(data.seconds_left)} left`);
-  return parts.join(" · ");
-}
-
-function reason(data) {
-  if (data.error) return data.error;
-  if (data.reason) return data.reason;
-  return data.warnings[0] ?? "";
-}
-
-function fullReason(data) {
-  return [data.error, data.remedy, data.reason, ...data.warnings].filter(Boolean).join("\n");
-}
-
-function confidentBar(share) {
-  const bar = element("span", { class: "bar", "aria-hidden": "true" }, element("span"));
-  bar.firstChild.style.width = `${Math.round((share ?? 0) * 100)}%`;
-  return bar;
 }
