@@ -18,14 +18,12 @@ from glint.tasks.algorithms.candidates.surround import frames_between, random_or
 DISC_SHARES = (0.21, 0.28, 0.37)
 """Radii of the disc, relative to the light's angular radius in a sphere: it grows with the light's brightness and with
 the bend of the surface."""
-MIDDLE_SHARE = 0.28
-"""Radius of a usual disc, likewise."""
 EDGE_SHARE = 0.12
 """Width of the disc's edge (scale of a logistic function), as a share of its radius."""
 LIT_OUTSIDE, DARK_INSIDE = 0.02, 0.03
 """Probabilities that a frame far outside the disc lights the pixel, by another path, and that one inside does not."""
 GRID, GRID_REACH = 7, 1.1
-"""Centres that are tried along either direction, and how far to both sides, in radii of a usual disc."""
+"""Centres that are tried along either direction, and how far to both sides, in radii of the middle disc."""
 AROUND_FRAMES, FRAMES_REACH = 40, 2.0
 """Largest number of frames that tell a centre, and how far from the nearest lit frame they lie, in such radii."""
 TABLE_LENGTH = 512
@@ -55,7 +53,8 @@ class DiscModel(NamedTuple):
             half_vectors: (T, 3), NaN where the frame was rejected.
             weights: (T,), by which places count instead of frames.
         """
-        usual, radii = np.radians(light_radius) * MIDDLE_SHARE, np.radians(light_radius) * np.array(DISC_SHARES)
+        radii = np.radians(light_radius) * np.array(DISC_SHARES)
+        usual = float(radii[1])
         around = frames_between(
             half_vectors, random_order(weights), 0.0, float(np.degrees(FRAMES_REACH * usual)), AROUND_FRAMES
         )
