@@ -24,7 +24,7 @@ LIT_OUTSIDE, DARK_INSIDE = 0.02, 0.03
 """Probabilities that a frame far outside the disc lights the pixel, by another path, and that one inside does not."""
 GRID, GRID_REACH = 7, 1.1
 """Centres that are tried along either direction, and how far to both sides, in radii of the middle disc."""
-AROUND_FRAMES, FRAMES_REACH = 40, 2.0
+AROUND_FRAMES, FRAMES_REACH = 64, 2.0
 """Largest number of frames that tell a centre, and how far from the nearest lit frame they lie, in such radii."""
 TABLE_LENGTH = 512
 """Steps of the squared distance for which log-probabilities are kept."""
