@@ -224,7 +224,8 @@ def _expand_remote(location: Location, suffixes: Collection[str]) -> list[Locati
     pattern = location.name if is_pattern(location.name) else None
     folder = location.parent if pattern else location
     with store_errors(location.uri, "listing an input"):
-        if pattern is None and Path(location.name).suffix:
+        # A date with dots is a folder's name: the suffix of a file has a letter.
+        if pattern is None and re.search(r"\.[^.]*[A-Za-z][^.]*$", location.name):
             return None
         objects = obstore.list_with_delimiter(folder.obstore())["objects"]
     names = [_last_part(meta["path"]) for meta in objects]

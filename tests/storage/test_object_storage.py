@@ -231,6 +231,13 @@ def test_a_folder_of_captures_in_a_bucket_becomes_a_catalogue(location: Location
         assert "img_1 (1).png of img_1.png" in images.warnings[0]
 
 
+def test_a_folder_of_images_in_a_bucket_may_be_named_by_a_date(location: Location, tmp_path: Path) -> None:
+    write_images(tmp_path / "2024.05.12", FRAMES[:3])
+    upload(tmp_path, location)
+    with open_footage(f"{location.uri}/2024.05.12") as footage:
+        assert len(list(footage.frames())) == 3
+
+
 def test_a_catalogue_in_a_bucket_keeps_to_it(location: Location) -> None:
     text = "schema: 1\nname: x\nobjects:\n- id: a\n  captures:\n  - {id: b, frames: ../../../../../etc/video.mp4}\n"
     obstore.put(location.obstore(), "catalogue.yaml", text.encode())
