@@ -68,7 +68,10 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     disc = USUAL_DISC_DEG * size if parameters.radius is None else parameters.radius
     if parameters.radius is not None or light_radius is None:
         light_radius = USUAL_LIGHT_DEG * disc / USUAL_DISC_DEG
-    discs = DiscModel.of_light(light_radius, half_vectors, weights) if parameters.dark_frames else None
+    # Between the few lights of photographs all frames are dark, and tell nothing of a single lit one's disc.
+    is_sweep = np.count_nonzero(weights) >= MIN_SWEEP_FRAMES
+    has_discs = parameters.dark_frames and is_sweep
+    discs = DiscModel.of_light(light_radius, half_vectors, weights) if has_discs else None
     shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, rings, disc, discs, parameters)
     tasks = [(tile, highlights._replace(thresholds=highlights.thresholds[tile])) for tile in tiles]
     result = empty_clusters(parameters.clusters, mask.shape)
