@@ -143,7 +143,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=59,
+        version=60,
     ),
     Stage(
         "depth",

@@ -132,7 +132,7 @@ def _end_cut_off(
     scores = np.array(
         [-np.inf if fit is None else fit.score - count + missed[0] for fit, count in zip(fits, missed, strict=True)]
     )
-    closed, uncut = float(_worth(sign, _agreeing_share(sign)).sum()), float(scores[0])
+    closed, uncut = float(_worth(sign, agreeing_share(sign)).sum()), float(scores[0])
     scores[[fit is None or fit.share < CUT_OPEN_SHARE for fit in fits]] = -np.inf
     best = int(np.argmax(scores))
     if scores[best] > MIN_CUT_GAIN * max(closed, uncut, 0.0):
@@ -195,7 +195,7 @@ def _fit(
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     sign = sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])]
-    beside = float(_worth(sign, _agreeing_share(sign)).sum())
+    beside = float(_worth(sign, agreeing_share(sign)).sum())
     x, y = x[is_end], y[is_end]
     sign = agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
@@ -218,13 +218,13 @@ def _fit(
         total = np.concatenate([[0.0], np.cumsum(worth)])[count]
         best = int(np.argmax(total))
         inside = sign[: count[best]]
-    share = _agreeing_share(inside)
+    share = agreeing_share(inside)
     if share <= OPEN_END_SHARE:
         return None
     return _Fit(float(thickness[best]), beside + float(total[best]), share)
 
 
-def _agreeing_share(sign: np.ndarray) -> float:
+def agreeing_share(sign: np.ndarray) -> float:
     """Return which share of the pixels that expect a candidate has one that agrees; sign: see `agreement`."""
     return int((sign > 0.0).sum()) / max(int((sign != 0.0).sum()), 1)
 
@@ -233,7 +233,7 @@ def _sector_shares(sign: np.ndarray, sector: np.ndarray) -> np.ndarray:
     """Return the agreeing share (WALL_SECTORS,) of pixels in each sector; in those of few pixels, near that of all."""
     agreeing = np.bincount(sector[sign > 0.0], minlength=WALL_SECTORS)
     expected = np.bincount(sector[sign != 0.0], minlength=WALL_SECTORS)
-    return np.asarray((agreeing + SECTOR_PRIOR * _agreeing_share(sign)) / (expected + SECTOR_PRIOR))
+    return np.asarray((agreeing + SECTOR_PRIOR * agreeing_share(sign)) / (expected + SECTOR_PRIOR))
 
 
 def _worth(sign: np.ndarray, share: float | np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
+from glint.tasks.algorithms.revolution.hollowness import is_solid
 from glint.tasks.algorithms.revolution.opening import Opening, find_opening
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
@@ -108,6 +109,9 @@ def surface_of_revolution_normals(
     elif (deviation.mean() if limits.is_of_slopes else error) > limit:
         return None
     opening = find_opening(surface, mask, candidates)
+    # A relief turns rays aside as well.
+    if opening is not None and relief is None and is_solid(opening, mask, candidates):
+        opening = None
     surface = surface.with_risen_plates(*measured).with_fitted_slopes(*measured)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
