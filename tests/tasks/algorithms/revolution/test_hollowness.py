@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import to_camera
-from glint.tasks.algorithms.revolution.hollowness import MIN_THROUGH_PIXELS, is_solid
+from glint.tasks.algorithms.revolution.hollowness import MAX_LIP_RADII, MAX_WALL_DEG, MIN_THROUGH_PIXELS, is_solid
 from glint.tasks.algorithms.revolution.opening import Opening
-from tests.tasks.algorithms.revolution.beaker import tumbler
+from tests.tasks.algorithms.revolution.beaker import tumbler, upright_surface
 
 SHAPE, LIP_PX = (180, 130), 3.0
 VESSEL = tumbler(24.0, 60.0, 45.0)
@@ -37,6 +37,21 @@ def test_a_far_wall_that_the_near_wall_shows_too_is_a_vessels(shown_share: float
 def test_a_far_wall_that_only_the_end_shows_is_a_solids(shown_share: float) -> None:
     mask, candidates = capture(shown_share, below=False)
     assert is_solid(Opening(VESSEL, LIP_PX, mask), mask, candidates)
+
+
+def test_a_thick_lip_is_a_vessels_whatever_its_wall_shows() -> None:
+    mask, candidates = capture(1.0, below=False)
+    thickness = 1.5 * MAX_LIP_RADII * VESSEL.end_radius
+    assert not is_solid(Opening(VESSEL, thickness, mask), mask, candidates)
+
+
+def test_a_slanting_wall_is_a_vessels_whatever_it_shows() -> None:
+    heights = np.arange(-60.0, 60.5, 0.5)
+    radii = 20.0 + (heights + 60.0) * np.tan(np.radians(MAX_WALL_DEG + 3.0))
+    radii[[0, -1]] = 0.0
+    slanting = upright_surface(radii, heights, 24.0)
+    mask, candidates = capture(1.0, below=False)
+    assert not is_solid(Opening(slanting, 0.0, mask), mask, candidates)
 
 
 def test_a_near_wall_of_few_pixels_tells_nothing() -> None:
