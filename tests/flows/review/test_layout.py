@@ -65,6 +65,7 @@ def test_the_scale_of_angles_lies_on_the_picture(tab: Tab) -> None:
     for width, height in ((1280, 800), (1024, 768)):
         page.set_viewport_size({"width": width, "height": height})
         page.check("text=Map of angles")
+        page.wait_for_selector(".legend-box", state="visible")
         legend, stage = (page.locator(name).bounding_box() for name in (".legend-box", ".versions .light-stage"))
         assert stage["x"] < legend["x"] and legend["x"] + legend["width"] < stage["x"] + stage["width"]
         assert stage["y"] < legend["y"] and legend["y"] + legend["height"] < stage["y"] + stage["height"] < height
