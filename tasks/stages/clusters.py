@@ -69,8 +69,7 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     if parameters.radius is not None or light_radius is None:
         light_radius = USUAL_LIGHT_DEG * disc / USUAL_DISC_DEG
     # Between the few lights of photographs all frames are dark, and tell nothing of a single lit one's disc.
-    is_sweep = np.count_nonzero(weights) >= MIN_SWEEP_FRAMES
-    has_discs = parameters.dark_frames and is_sweep
+    has_discs = parameters.dark_frames and np.count_nonzero(weights) >= MIN_SWEEP_FRAMES
     discs = DiscModel.of_light(light_radius, half_vectors, weights) if has_discs else None
     shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, rings, disc, discs, parameters)
     tasks = [(tile, highlights._replace(thresholds=highlights.thresholds[tile])) for tile in tiles]

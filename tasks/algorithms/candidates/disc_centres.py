@@ -54,15 +54,15 @@ class DiscModel(NamedTuple):
             weights: (T,), by which places count instead of frames.
         """
         radii = np.radians(light_radius) * np.array(DISC_SHARES)
-        usual = float(radii[1])
+        middle = float(radii[1])
         around = frames_between(
-            half_vectors, random_order(weights), 0.0, float(np.degrees(FRAMES_REACH * usual)), AROUND_FRAMES
+            half_vectors, random_order(weights), 0.0, float(np.degrees(FRAMES_REACH * middle)), AROUND_FRAMES
         )
-        reach = float(usual * (FRAMES_REACH + 2.0 * GRID_REACH))
+        reach = float(middle * (FRAMES_REACH + 2.0 * GRID_REACH))
         distances = np.sqrt((np.arange(TABLE_LENGTH) + 0.5) / TABLE_LENGTH)[:, None] * reach
         inside = 1.0 / (1.0 + np.exp((distances / radii - 1.0) / EDGE_SHARE))
         lit = LIT_OUTSIDE + (1.0 - LIT_OUTSIDE - DARK_INSIDE) * inside
-        step = float(2.0 * GRID_REACH * usual / (GRID - 1))
+        step = float(2.0 * GRID_REACH * middle / (GRID - 1))
         return cls(around, np.log(lit).astype(np.float32), np.log(1.0 - lit).astype(np.float32), reach, step)
 
 

@@ -39,7 +39,8 @@ def is_solid(opening: Opening, mask: np.ndarray, candidates: np.ndarray) -> bool
     if opening.lip > MAX_LIP_RADII * surface.end_radius or _wall_angle_deg(surface) > MAX_WALL_DEG:
         return False
     x, y = pixel_positions(mask)
-    hits, is_end = surface.intersect(x, y), surface.is_end(x, y)
+    hits = surface.intersect(x, y)
+    is_end = surface.is_end_at(hits)
     radius, below = surface.end_radius, (surface.end_height - hits.heights) * surface.facing
     is_middle = np.abs(hits.across) < ACROSS_RADII * radius
     is_lip = is_end & (np.linalg.norm(hits.outward, axis=1) > radius - opening.lip)
