@@ -143,7 +143,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=60,
+        version=61,
     ),
     Stage(
         "depth",

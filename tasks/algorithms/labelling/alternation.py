@@ -1,6 +1,6 @@
 """State of the alternation of sections 4.1 and 4.2 of the paper: labels and field, which `reconstruction` drives."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals
-from glint.tasks.algorithms.labelling.weights import LabellingOptions
+from glint.tasks.algorithms.labelling.weights import FieldError, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
 from glint.tasks.algorithms.prior.unreached import with_unreached
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+from glint.tasks.algorithms.vessels.body_fit import BodyFit
 
 CONVERGED_SHARE = 0.002
 """Share of the mask whose labels may still change in the last iteration."""
@@ -47,6 +48,7 @@ class Alternation:
     faces: flat faces of the field, if any.
     relief_fit: of the expected surface of revolution, 0 without relief.
     body_depth: (H, W), depth of the body that has the expected field, if there is one.
+    body_fit: how well a surface of revolution that has it explains the candidates; None for any other field.
     solid: the prism or faceted body that has the expected field, if it is one.
     seen_through: (K, H, W) bool, candidates that are seen through the faces of the solid.
     unreached: (H, W, 3), normals of dark pixels, NaN elsewhere.
@@ -72,6 +74,7 @@ class Alternation:
     faces: FlatFaces | None = None
     relief_fit: float = 0.0
     body_depth: np.ndarray | None = None
+    body_fit: BodyFit | None = None
     solid: PolyhedralNormals | None = None
     seen_through: np.ndarray = field(init=False)
     unreached: np.ndarray | None = None
@@ -126,19 +129,26 @@ class Alternation:
     def constraints(self, known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the field's targets (H, W, 3) and weights (H, W): `values` at `known` pixels, elsewhere the contour.
 
-        An expected field takes the place of the contour.
+        An expected field takes the place of the contour. That of a surface of revolution also counts beside what was
+        observed, the more the better it explains the candidates: a false sheet must not bend the field that judges it.
         """
-        weights = self.options.field
+        weights, fit = self.options.field, self.body_fit
         if self.expected is None:
             targets, pull = self.view.outward, np.where(self.view.rim, weights.rim, 0.0)
         else:
-            targets, pull = self.expected, np.full(self.view.mask.shape, weights.expected)
+            precision = (self.options.field_error.floor / self._field_error.floor) ** 2
+            targets, pull = self.expected, np.full(self.view.mask.shape, weights.expected * precision)
         # A mark says which sheet is true, not how exact it is: only what was rejected before it must bend the field.
         is_newly_exterior = self.labels & ~self.unmarked_labels
         influence = np.where(is_newly_exterior, self.influence, 0.0).max(axis=0, initial=0.0)
-        pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
-        pull = np.where(self.marks.pixels & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
-        return np.where(known[..., None], values, targets), pull
+        measured = weights.observed + (weights.marked - weights.observed) * influence
+        measured = np.where(self.marks.pixels & known & ~self.labels.any(axis=0), weights.mark_alone, measured)
+        if fit is None:
+            return np.where(known[..., None], values, targets), np.where(known, measured, pull)
+        beside = weights.observed * fit.trust
+        share = (measured / (measured + beside))[..., None]
+        targets = np.where(known[..., None], share * values + (1.0 - share) * targets, targets)
+        return targets, np.where(known, measured + beside, pull)
 
     def iterate(self, max_iterations: int | None = None) -> None:
         """Alternate labelling and field until the labels settle; max_iterations: None for that of the options."""
@@ -178,13 +188,19 @@ class Alternation:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.view.rim | observed
-        spread = self.options.field_error.spread(sources, self.view.thickness)
+        spread = self._field_error.spread(sources, self.view.thickness)
         ratios = unary_log_ratio(self.view.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
         return (
             np.where(self.marks.labels != 0, self.marks.labels * HARD_CONSTRAINT, ratios)
             if self.marks.labels.any()
             else ratios
         )
+
+    @property
+    def _field_error(self) -> FieldError:
+        """Error model of the field: about a surface of revolution, candidates scatter less than about a smooth one."""
+        error = self.options.field_error
+        return error if self.body_fit is None else replace(error, floor=self.body_fit.scatter_deg)
 
     def readmit(self, probability: np.ndarray) -> None:
         """Accept rejected nodes of this probability (K, H, W), 0 for all others, and let the field follow them."""
@@ -194,9 +210,12 @@ class Alternation:
         self.unreached = None
         self.follow_labels()
 
-    def expect(self, normals: np.ndarray, depth: np.ndarray | None) -> None:
-        """Make normals (H, W, 3) the expected field; depth (H, W): of the body that has them."""
-        self.expected, self.body_depth = normals, depth
+    def expect(self, normals: np.ndarray, depth: np.ndarray | None, fit: BodyFit | None = None) -> None:
+        """Make normals (H, W, 3) the expected field.
+
+        depth: (H, W), of the body that has them; fit: of a surface of revolution without a relief.
+        """
+        self.expected, self.body_depth, self.body_fit = normals, depth, fit
         self.smooth = self.solve_field(self.known, self.values)
 
     def forget_labels(self) -> None:

@@ -19,6 +19,7 @@ from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import CONFIDENT, blended_normals, exterior_values
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+from glint.tasks.algorithms.vessels.body_fit import body_fit
 
 MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
@@ -137,7 +138,8 @@ def _adopt_symmetry(state: Alternation) -> bool:
     if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
         return False
     state.relief_fit = rotational.relief_fit
-    state.expect(rotational.normals, rotational.depths)
+    fit = body_fit(rotational.normals, view.normals, view.mask, view.inradius)
+    state.expect(rotational.normals, rotational.depths, None if rotational.relief_fit > 0.0 else fit)
     return True
 
 

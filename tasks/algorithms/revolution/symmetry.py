@@ -11,17 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import positions_at, unit
+from glint.tasks.algorithms.geometry.vectors import positions_at, sampled_pixels, unit
 from glint.tasks.algorithms.revolution.hollowness import is_solid
 from glint.tasks.algorithms.revolution.opening import Opening, find_opening
+from glint.tasks.algorithms.revolution.profile_slopes import with_shown_slopes
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
-RELIEF_PIXELS = 300_000
-"""Pixels that show a relief."""
+SHOWN_PIXELS = 300_000
+"""Pixels whose candidates show a relief, and the slopes of a profile."""
 HOPELESS_ERROR_RATIO = 3.0
 """Error with coarse steps, relative to the limit of a fit, from which nothing is refined; with fitted slopes or relief,
 fits come from up to 2.5 times it."""
@@ -112,7 +113,8 @@ def surface_of_revolution_normals(
     # A relief turns rays aside as well.
     if opening is not None and relief is None and is_solid(opening, mask, candidates):
         opening = None
-    surface = surface.with_risen_plates(*measured).with_fitted_slopes(*measured)
+    shown = _shown_normals(mask, candidates)
+    surface = with_shown_slopes(surface.with_risen_plates(*measured), *shown)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():
@@ -120,7 +122,7 @@ def surface_of_revolution_normals(
     if relief is not None:
         normals = relief.normals(x, y, normals)
     if opening is not None:
-        opening = replace(opening, surface=opening.surface.with_fitted_slopes(*measured))
+        opening = replace(opening, surface=with_shown_slopes(opening.surface, *shown))
         _see_into(opening, opening.around[rows, columns], x, y, normals, depths)
     result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
     result[rows, columns], body[rows, columns] = normals, depths
@@ -128,12 +130,18 @@ def surface_of_revolution_normals(
     return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0, error)
 
 
+def _shown_normals(mask: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x and y (N,), camera frame, of a sample of the pixels, and their candidates (K, N, 3)."""
+    rows, columns = sampled_pixels(mask & np.isfinite(candidates[..., 0]).any(axis=0), SHOWN_PIXELS)
+    return *positions_at(rows, columns, mask.shape), candidates[:, rows, columns]
+
+
 def _sampled_relief(
     mask: np.ndarray, surface: SurfaceOfRevolution, accepted: np.ndarray, candidates: np.ndarray
 ) -> Relief | None:
     """Return the relief of a surface by a sample of its pixels; see `surface_of_revolution_normals`."""
     rows, columns = np.nonzero(mask)
-    chosen = np.sort(np.random.default_rng(0).permutation(len(rows))[:RELIEF_PIXELS])
+    chosen = np.sort(np.random.default_rng(0).permutation(len(rows))[:SHOWN_PIXELS])
     rows, columns = rows[chosen], columns[chosen]
     shown = accepted[rows, columns], candidates[:, rows, columns]
     return find_relief(mask, surface, *positions_at(rows, columns, mask.shape), *shown)

@@ -1,0 +1,129 @@
+"""Slopes of a profile by the candidates' normals.
+
+The silhouette gives radii to a fraction of a pixel but slopes only to several degrees; a normal gives the slope to one
+degree, for its whole circle. True candidates of all pixels of a circle show the same slope, and lie in planes through
+the axis. What a false sheet shows changes around the circle. So the slope that most pixels show is the true one, even
+where false candidates have been accepted.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.revolution.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
+
+SIDE_DEG = 4.0
+"""Angle of a normal from the plane through the axis at which its weight has fallen to a quarter."""
+SLOPE_SIGMA_DEG, HEIGHT_SIGMA_PX = 2.5, 0.5
+"""Standard deviations of the smoothing of the shares that show a slope, over slopes, and along the axis."""
+CHANCE_SHARE = 0.1
+"""Share of a circle's pixels that shows any slope by chance; where no slope has more, the contour's stays."""
+CORRECTION_NATS, MAX_FROM_CONTOUR_DEG = 0.03, 60.0
+"""Cost of each degree between a slope and the contour's, and the angle beyond which it is not that of the wall."""
+MIN_CIRCLE_PIXELS = 10.0
+"""Pixels of a circle, for a pixel's length of the axis, below which shares are those of so many."""
+OWN_DEG = 4.0
+"""Angle from the slope that most pixels show up to which a normal shows that one."""
+MEAN_SIGMA_PX, PRIOR_NORMALS = 0.7, 3.0
+"""Standard deviation along the axis of the smoothing of mean slopes, and weight of the one before, in normals."""
+COUNTED_SLOPES_DEG = np.arange(-90, 91)
+"""Slopes whose shares are counted."""
+
+
+def with_shown_slopes(
+    surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray
+) -> SurfaceOfRevolution:
+    """Return the surface with its profile's slopes corrected by normals; flat ends are left unchanged.
+
+    Args:
+        surface: with the contour's radii and slopes.
+        x: (N,), camera frame.
+        y: (N,).
+        candidates: (K, N, 3), normals shown there, NaN where there are fewer.
+    """
+    radii = np.sqrt(surface.squared_radii)
+    contour = np.arctan2(-surface.half_slopes, radii)
+    is_wall = np.abs(contour) < np.radians(MAX_WALL_SLOPE_DEG)
+    shown = _ShownSlopes.on(surface, x, y, candidates)
+    slopes = np.where(is_wall, shown.most_shown(contour), contour)
+    own = shown.near(slopes)
+    # Smoothing flattens what is bent: the second time the residual is added back (Tukey's twicing).
+    for _ in range(2):
+        slopes = slopes + np.where(is_wall, own.mean_residual(slopes), 0.0)
+    half_slopes = np.where(is_wall, -radii * np.tan(slopes.clip(-1.4, 1.4)), surface.half_slopes)
+    return replace(surface, half_slopes=half_slopes)
+
+
+@dataclass(frozen=True, slots=True)
+class _ShownSlopes:
+    """Slopes (M,) that normals show, radians, with weights (M,), at samples (M,) of the profile.
+
+    circles: (H,), number of pixels that show a normal at each of the H samples. step: of these, in pixels.
+    """
+
+    slopes: np.ndarray
+    weights: np.ndarray
+    samples: np.ndarray
+    circles: np.ndarray
+    step: float
+
+    @classmethod
+    def on(cls, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray) -> "_ShownSlopes":
+        """Return the slopes that normals show on a surface; for the arguments see `with_shown_slopes`."""
+        hits, step = surface.intersect(x, y), float(surface.heights[1] - surface.heights[0])
+        outward = unit(hits.outward)
+        sideways = np.cross(hits.upward, outward)
+        axial, radial, side = ((candidates * axis).sum(axis=-1) for axis in (hits.upward, outward, sideways))
+        is_shown = np.isfinite(radial)
+        _, pixel = np.nonzero(is_shown)
+        samples = np.rint((hits.heights - surface.heights[0])[pixel] / step).astype(int)
+        from_plane = np.degrees(np.arcsin(side[is_shown].clip(-1.0, 1.0)))
+        pixels = np.bincount(samples[np.unique(pixel, return_index=True)[1]], minlength=len(surface.heights))
+        return cls(
+            np.arctan2(axial[is_shown], radial[is_shown]),
+            1.0 / (1.0 + (from_plane / SIDE_DEG) ** 2) ** 2,
+            samples,
+            pixels,
+            step,
+        )
+
+    def most_shown(self, contour: np.ndarray) -> np.ndarray:
+        """Return the slope (H,) in radians at each sample that the largest share of its circle's pixels shows.
+
+        contour: (H,), slopes in radians that need no normal.
+        """
+        counts, degrees = (
+            np.zeros((len(self.circles), len(COUNTED_SLOPES_DEG))),
+            np.rint(np.degrees(self.slopes)).astype(int),
+        )
+        is_slope = np.abs(degrees) <= COUNTED_SLOPES_DEG[-1]
+        np.add.at(counts, (self.samples[is_slope], degrees[is_slope] - COUNTED_SLOPES_DEG[0]), self.weights[is_slope])
+        along = HEIGHT_SIGMA_PX / self.step
+        counts = ndimage.gaussian_filter(counts, (along, SLOPE_SIGMA_DEG), mode="constant")
+        # A circle whose pixels all show the same slope has the share 1 there.
+        counts *= np.sqrt(2.0 * np.pi) * SLOPE_SIGMA_DEG
+        pixels = ndimage.gaussian_filter1d(self.circles.astype(float), along, mode="constant")
+        shares = np.minimum(counts / np.maximum(pixels, MIN_CIRCLE_PIXELS * self.step)[:, None], 1.0)
+        correction = np.abs(COUNTED_SLOPES_DEG - np.degrees(contour)[:, None])
+        score = np.log(CHANCE_SHARE + shares) - CORRECTION_NATS * correction
+        best = np.where(correction <= MAX_FROM_CONTOUR_DEG, score, -np.inf).argmax(axis=1)
+        is_shown = np.take_along_axis(shares, best[:, None], axis=1)[:, 0] > CHANCE_SHARE
+        return np.where(is_shown, np.radians(COUNTED_SLOPES_DEG[best]), contour)
+
+    def near(self, slopes: np.ndarray) -> "_ShownSlopes":
+        """Return those near the slopes (H,), radians."""
+        is_near = np.abs(self.slopes - slopes[self.samples]) < np.radians(OWN_DEG)
+        return replace(self, slopes=self.slopes[is_near], weights=self.weights[is_near], samples=self.samples[is_near])
+
+    def mean_residual(self, slopes: np.ndarray) -> np.ndarray:
+        """Return the mean difference (H,) to slopes (H,), radians, smoothed along the axis; 0 where none are shown."""
+        residual = self.slopes - slopes[self.samples]
+        total, sums = (
+            ndimage.gaussian_filter1d(
+                np.bincount(self.samples, values, minlength=len(slopes)), MEAN_SIGMA_PX / self.step, mode="constant"
+            )
+            for values in (self.weights, self.weights * residual)
+        )
+        return np.asarray(sums / (total + PRIOR_NORMALS))

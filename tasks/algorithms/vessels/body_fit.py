@@ -1,0 +1,65 @@
+"""How well a body explains the candidates of an object: how far they scatter about its normals, and how far it is off.
+
+Candidates of an exact body of revolution scatter about its normals by their own noise. Hand-made glass deviates from
+any such body, but smoothly: the mean of neighbouring candidates keeps that deviation and loses the noise.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.blur import gaussian_blur
+from glint.tasks.algorithms.geometry.vectors import angles, lengths
+
+NEAR_DEG = 8.0
+"""Angle from the body's normal up to which a candidate may be one of its surface."""
+LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG = 1.0, 4.0
+"""Bounds of the scatter: that of noise alone, and that of angles that are arbitrary up to NEAR_DEG."""
+MEDIAN_OF_RAYLEIGH = 1.18
+"""Median of the angle between two directions, for a standard deviation of 1 per axis."""
+NEIGHBOUR_INRADII = 0.08
+"""Standard deviation of the window over which candidates are averaged, in inradii of the object."""
+NEIGHBOURHOOD_DEG = 0.5
+"""Error of the mean of neighbouring candidates, which a body with a smaller deviation outweighs."""
+MAX_TRUST = 5.0
+"""Largest weight of the body relative to an accepted normal."""
+
+
+class BodyFit(NamedTuple):
+    """Fit of a body's normals to candidates.
+
+    scatter_deg: standard deviation per axis of the nearest candidates. deviation_deg: median angle between the body's
+    normals and the means of neighbouring candidates.
+    """
+
+    scatter_deg: float
+    deviation_deg: float
+
+    @property
+    def trust(self) -> float:
+        """Weight of the body's normal relative to that of an accepted one."""
+        return float(min((NEIGHBOURHOOD_DEG / max(self.deviation_deg, 1e-3)) ** 2, MAX_TRUST))
+
+
+def body_fit(normals: np.ndarray, candidates: np.ndarray, mask: np.ndarray, inradius: float) -> BodyFit:
+    """Measure how well a body explains candidates.
+
+    Args:
+        normals: (H, W, 3), of the body.
+        candidates: (K, H, W, 3), NaN where there are fewer.
+        mask: (H, W) bool, the object.
+        inradius: of the object, in pixels.
+    """
+    angle = np.nan_to_num(angles(candidates, normals), nan=180.0)
+    nearest = angle.min(axis=0, initial=180.0)
+    is_near = mask & (nearest < NEAR_DEG)
+    if not is_near.any():
+        return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG)
+    chosen = np.take_along_axis(candidates, angle.argmin(axis=0)[None, ..., None], axis=0)[0]
+    difference = np.where(is_near[..., None], chosen - normals, 0.0)
+    window = max(NEIGHBOUR_INRADII * inradius, 1.0)
+    blurred = np.stack([gaussian_blur(difference[..., axis], window) for axis in range(3)], axis=-1)
+    mean = blurred[is_near] / gaussian_blur(is_near, window)[is_near][:, None]
+    scatter = float(np.median(nearest[is_near])) / MEDIAN_OF_RAYLEIGH
+    deviation = float(np.degrees(np.median(lengths(mean))))
+    return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation)
