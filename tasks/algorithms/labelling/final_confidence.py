@@ -54,8 +54,10 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     observed = sheet_confidence(state.values, means, residual, view.inradius, odds)
     if state.solid is not None:
         observed = observed * solid_confidence(state.values, state.solid.normals)
-    observed = state.with_marks(observed * place_confidence(normals))
-    between = state.field_confidence(state.known & (observed >= state.options.min_confidence))
+    # Where as many candidates of a circle show another slope of the body, both its sheet and its field may be false.
+    of_body = 1.0 if state.body_fit is None else state.body_fit.confidence
+    observed = state.with_marks(observed * place_confidence(normals) * of_body)
+    between = of_body * state.field_confidence(state.known & (observed >= state.options.min_confidence))
     if state.faces is not None:
         agrees = angles(state.values, state.faces.normals) < APPARENT_DEG
         observed = np.where(agrees, np.fmax(observed, face_confidence(state.faces.residual)), observed)

@@ -7,6 +7,7 @@ where false candidates have been accepted.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -28,36 +29,14 @@ OWN_DEG = 4.0
 """Angle from the slope that most pixels show up to which a normal shows that one."""
 MEAN_SIGMA_PX, PRIOR_NORMALS = 0.7, 3.0
 """Standard deviation along the axis of the smoothing of mean slopes, and weight of the one before, in normals."""
+RIVAL_DEG = 6.0
+"""Difference from which slopes are those of different sheets."""
 COUNTED_SLOPES_DEG = np.arange(-90, 91)
 """Slopes whose shares are counted."""
 
 
-def with_shown_slopes(
-    surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray
-) -> SurfaceOfRevolution:
-    """Return the surface with its profile's slopes corrected by normals; flat ends are left unchanged.
-
-    Args:
-        surface: with the contour's radii and slopes.
-        x: (N,), camera frame.
-        y: (N,).
-        candidates: (K, N, 3), normals shown there, NaN where there are fewer.
-    """
-    radii = np.sqrt(surface.squared_radii)
-    contour = np.arctan2(-surface.half_slopes, radii)
-    is_wall = np.abs(contour) < np.radians(MAX_WALL_SLOPE_DEG)
-    shown = _ShownSlopes.on(surface, x, y, candidates)
-    slopes = np.where(is_wall, shown.most_shown(contour), contour)
-    own = shown.near(slopes)
-    # Smoothing flattens what is bent: the second time the residual is added back (Tukey's twicing).
-    for _ in range(2):
-        slopes = slopes + np.where(is_wall, own.mean_residual(slopes), 0.0)
-    half_slopes = np.where(is_wall, -radii * np.tan(slopes.clip(-1.4, 1.4)), surface.half_slopes)
-    return replace(surface, half_slopes=half_slopes)
-
-
-@dataclass(frozen=True, slots=True)
-class _ShownSlopes:
+@dataclass(frozen=True, eq=False)
+class ShownSlopes:
     """Slopes (M,) that normals show, radians, with weights (M,), at samples (M,) of the profile.
 
     circles: (H,), number of pixels that show a normal at each of the H samples. step: of these, in pixels.
@@ -70,49 +49,62 @@ class _ShownSlopes:
     step: float
 
     @classmethod
-    def on(cls, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray) -> "_ShownSlopes":
-        """Return the slopes that normals show on a surface; for the arguments see `with_shown_slopes`."""
+    def on(cls, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray) -> "ShownSlopes":
+        """Return the slopes that normals show on a surface.
+
+        Args:
+            surface: with the contour's radii and slopes.
+            x: (N,), camera frame.
+            y: (N,).
+            candidates: (K, N, 3), normals shown there, NaN where there are fewer.
+        """
         hits, step = surface.intersect(x, y), float(surface.heights[1] - surface.heights[0])
         outward = unit(hits.outward)
         sideways = np.cross(hits.upward, outward)
         axial, radial, side = ((candidates * axis).sum(axis=-1) for axis in (hits.upward, outward, sideways))
         is_shown = np.isfinite(radial)
-        _, pixel = np.nonzero(is_shown)
-        samples = np.rint((hits.heights - surface.heights[0])[pixel] / step).astype(int)
+        places = np.nan_to_num((hits.heights - surface.heights[0]) / step)
+        samples = np.broadcast_to(np.rint(places).astype(int), is_shown.shape)[is_shown]
+        pixels = np.rint(places[is_shown.any(axis=0)]).astype(int)
         from_plane = np.degrees(np.arcsin(side[is_shown].clip(-1.0, 1.0)))
-        pixels = np.bincount(samples[np.unique(pixel, return_index=True)[1]], minlength=len(surface.heights))
-        return cls(
-            np.arctan2(axial[is_shown], radial[is_shown]),
-            1.0 / (1.0 + (from_plane / SIDE_DEG) ** 2) ** 2,
-            samples,
-            pixels,
-            step,
-        )
+        weights = 1.0 / (1.0 + (from_plane / SIDE_DEG) ** 2) ** 2
+        circles = np.bincount(pixels, minlength=len(surface.heights))
+        return cls(np.arctan2(axial[is_shown], radial[is_shown]), weights, samples, circles, step)
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """Shares (H, S) of the pixels of each circle that show each of COUNTED_SLOPES_DEG."""
+        counts, degrees = np.zeros((len(self.circles), COUNTED_SLOPES_DEG.size)), np.degrees(self.slopes)
+        is_counted = np.abs(degrees) < 90.0
+        numbers = np.rint(degrees[is_counted]).astype(int) - COUNTED_SLOPES_DEG[0]
+        np.add.at(counts, (self.samples[is_counted], numbers), self.weights[is_counted])
+        along = HEIGHT_SIGMA_PX / self.step
+        counts = ndimage.gaussian_filter(counts, (along, SLOPE_SIGMA_DEG), mode="constant")
+        # A circle whose pixels all show the same slope has the share 1 there.
+        counts *= np.sqrt(2.0 * np.pi) * SLOPE_SIGMA_DEG
+        pixels = ndimage.gaussian_filter1d(self.circles.astype(float), along, mode="constant")
+        return np.minimum(counts / np.maximum(pixels, MIN_CIRCLE_PIXELS * self.step)[:, None], 1.0)
 
     def most_shown(self, contour: np.ndarray) -> np.ndarray:
         """Return the slope (H,) in radians at each sample that the largest share of its circle's pixels shows.
 
         contour: (H,), slopes in radians that need no normal.
         """
-        counts, degrees = (
-            np.zeros((len(self.circles), len(COUNTED_SLOPES_DEG))),
-            np.rint(np.degrees(self.slopes)).astype(int),
-        )
-        is_slope = np.abs(degrees) <= COUNTED_SLOPES_DEG[-1]
-        np.add.at(counts, (self.samples[is_slope], degrees[is_slope] - COUNTED_SLOPES_DEG[0]), self.weights[is_slope])
-        along = HEIGHT_SIGMA_PX / self.step
-        counts = ndimage.gaussian_filter(counts, (along, SLOPE_SIGMA_DEG), mode="constant")
-        # A circle whose pixels all show the same slope has the share 1 there.
-        counts *= np.sqrt(2.0 * np.pi) * SLOPE_SIGMA_DEG
-        pixels = ndimage.gaussian_filter1d(self.circles.astype(float), along, mode="constant")
-        shares = np.minimum(counts / np.maximum(pixels, MIN_CIRCLE_PIXELS * self.step)[:, None], 1.0)
         correction = np.abs(COUNTED_SLOPES_DEG - np.degrees(contour)[:, None])
-        score = np.log(CHANCE_SHARE + shares) - CORRECTION_NATS * correction
+        score = np.log(CHANCE_SHARE + self.shares) - CORRECTION_NATS * correction
         best = np.where(correction <= MAX_FROM_CONTOUR_DEG, score, -np.inf).argmax(axis=1)
-        is_shown = np.take_along_axis(shares, best[:, None], axis=1)[:, 0] > CHANCE_SHARE
+        is_shown = _taken(self.shares, best) > CHANCE_SHARE
         return np.where(is_shown, np.radians(COUNTED_SLOPES_DEG[best]), contour)
 
-    def near(self, slopes: np.ndarray) -> "_ShownSlopes":
+    def rivalry(self, slopes: np.ndarray) -> np.ndarray:
+        """Return the largest share (H,) that shows another slope than `slopes` (H,), radians, relative to their own."""
+        degrees = np.degrees(slopes)
+        is_other = np.abs(COUNTED_SLOPES_DEG - degrees[:, None]) > RIVAL_DEG
+        nearest = np.rint(degrees).astype(int) - COUNTED_SLOPES_DEG[0]
+        own = np.maximum(_taken(self.shares, nearest.clip(0, COUNTED_SLOPES_DEG.size - 1)), CHANCE_SHARE)
+        return np.asarray(np.where(is_other, self.shares, 0.0).max(axis=1) / own)
+
+    def near(self, slopes: np.ndarray) -> "ShownSlopes":
         """Return those near the slopes (H,), radians."""
         is_near = np.abs(self.slopes - slopes[self.samples]) < np.radians(OWN_DEG)
         return replace(self, slopes=self.slopes[is_near], weights=self.weights[is_near], samples=self.samples[is_near])
@@ -127,3 +119,29 @@ class _ShownSlopes:
             for values in (self.weights, self.weights * residual)
         )
         return np.asarray(sums / (total + PRIOR_NORMALS))
+
+
+def with_shown_slopes(surface: SurfaceOfRevolution, shown: ShownSlopes) -> SurfaceOfRevolution:
+    """Return the surface with its profile's slopes corrected by those shown on it; flat ends are left unchanged.
+
+    surface: with the contour's radii and slopes.
+    """
+    contour = slope_angles(surface)
+    is_wall = np.abs(contour) < np.radians(MAX_WALL_SLOPE_DEG)
+    slopes = np.where(is_wall, shown.most_shown(contour), contour)
+    own = shown.near(slopes)
+    # Smoothing flattens what is bent: the second time the residual is added back (Tukey's twicing).
+    for _ in range(2):
+        slopes = slopes + np.where(is_wall, own.mean_residual(slopes), 0.0)
+    bent = -np.sqrt(surface.squared_radii) * np.tan(slopes.clip(-1.4, 1.4))
+    return replace(surface, half_slopes=np.where(is_wall, bent, surface.half_slopes))
+
+
+def slope_angles(surface: SurfaceOfRevolution) -> np.ndarray:
+    """Return the angles (H,) in radians of a profile's normals from the circles' planes, positive upward."""
+    return np.asarray(np.arctan2(-surface.half_slopes, np.sqrt(surface.squared_radii)))
+
+
+def _taken(shares: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Return the share (H,) of each row of shares (H, S) at a number (H,)."""
+    return np.asarray(np.take_along_axis(shares, numbers[:, None], axis=1)[:, 0])

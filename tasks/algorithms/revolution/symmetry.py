@@ -14,7 +14,7 @@ from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import positions_at, sampled_pixels, unit
 from glint.tasks.algorithms.revolution.hollowness import is_solid
 from glint.tasks.algorithms.revolution.opening import Opening, find_opening
-from glint.tasks.algorithms.revolution.profile_slopes import with_shown_slopes
+from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, slope_angles, with_shown_slopes
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
@@ -68,13 +68,15 @@ class RotationalNormals(NamedTuple):
     normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of what is
     seen of its body in pixels towards the camera, up to a constant; NaN outside the body, on handles, and where rays
     miss it. relief_fit: how well its relief fits, or 0. round_error: mean angle in degrees between the accepted normals
-    and the surface of revolution without relief.
+    and the surface of revolution without relief. rivalry: (H, W) float32, share of the circle's pixels that shows
+    another slope of the wall, relative to that which shows the surface's; 0 outside walls. None: not known.
     """
 
     normals: np.ndarray
     depths: np.ndarray
     relief_fit: float
     round_error: float
+    rivalry: np.ndarray | None = None
 
 
 def surface_of_revolution_normals(
@@ -113,8 +115,9 @@ def surface_of_revolution_normals(
     # A relief turns rays aside as well.
     if opening is not None and relief is None and is_solid(opening, mask, candidates):
         opening = None
-    shown = _shown_normals(mask, candidates)
-    surface = with_shown_slopes(surface.with_risen_plates(*measured), *shown)
+    surface, shown = surface.with_risen_plates(*measured), _shown_normals(mask, candidates)
+    slopes = ShownSlopes.on(surface, *shown)
+    surface = with_shown_slopes(surface, slopes)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():
@@ -122,12 +125,18 @@ def surface_of_revolution_normals(
     if relief is not None:
         normals = relief.normals(x, y, normals)
     if opening is not None:
-        opening = replace(opening, surface=with_shown_slopes(opening.surface, *shown))
+        ended = opening.surface
+        opening = replace(opening, surface=with_shown_slopes(ended, ShownSlopes.on(ended, *shown)))
         _see_into(opening, opening.around[rows, columns], x, y, normals, depths)
     result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
+    rivalry = np.zeros(mask.shape, np.float32)
     result[rows, columns], body[rows, columns] = normals, depths
+    is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
+    rivals = np.interp(hits.heights[is_wall], surface.heights, slopes.rivalry(slope_angles(surface)))
+    rivalry[rows[is_wall], columns[is_wall]] = rivals
     # Rays at the contour may miss the surface.
-    return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0, error)
+    normals = with_nearest(result, mask)
+    return RotationalNormals(normals, body, relief.fit if relief else 0.0, error, rivalry)
 
 
 def _shown_normals(mask: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

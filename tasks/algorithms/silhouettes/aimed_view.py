@@ -83,6 +83,10 @@ class AimedView:
             heights = -focal_length(self.camera) * (np.log1p(-nearness) - np.log(along))
         return np.where(self.mask, heights, np.nan).astype(np.float32)
 
+    def values_back(self, values: np.ndarray) -> np.ndarray:
+        """Return values (H', W') of this view at the camera's pixels, (H, W) float32; 0 outside the silhouette."""
+        return np.where(self.mask, self._sampled(values, border=0.0), np.float32(0.0))
+
     def numbers_back(self, numbers: np.ndarray) -> np.ndarray:
         """Return numbers (H', W') int16 of this view at the camera's pixels, (H, W); -1 outside the silhouette."""
         return np.where(self.mask, self._sampled(numbers, cv2.INTER_NEAREST, -1.0), -1.0).astype(np.int16)

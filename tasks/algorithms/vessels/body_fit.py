@@ -10,6 +10,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.blur import gaussian_blur
 from glint.tasks.algorithms.geometry.vectors import angles, lengths
+from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 
 NEAR_DEG = 8.0
 """Angle from the body's normal up to which a candidate may be one of its surface."""
@@ -23,43 +24,53 @@ NEIGHBOURHOOD_DEG = 0.5
 """Error of the mean of neighbouring candidates, which a body with a smaller deviation outweighs."""
 MAX_TRUST = 5.0
 """Largest weight of the body relative to an accepted normal."""
+RIVALRIES, WALL_SHARES = (0.2, 0.5, 0.8, 1.0, 1.5), (1.0, 0.97, 0.93, 0.82, 0.7)
+"""Rivalry of a circle, and the share of its confident normals that is right, relative to circles without a rival: on 43
+simulated captures."""
 
 
 class BodyFit(NamedTuple):
     """Fit of a body's normals to candidates.
 
     scatter_deg: standard deviation per axis of the nearest candidates. deviation_deg: median angle between the body's
-    normals and the means of neighbouring candidates.
+    normals and the means of neighbouring candidates. rivalry: (H, W), see `RotationalNormals`.
     """
 
     scatter_deg: float
     deviation_deg: float
+    rivalry: np.ndarray
 
     @property
     def trust(self) -> float:
         """Weight of the body's normal relative to that of an accepted one."""
         return float(min((NEIGHBOURHOOD_DEG / max(self.deviation_deg, 1e-3)) ** 2, MAX_TRUST))
 
+    @property
+    def confidence(self) -> np.ndarray:
+        """Probability (H, W) that a normal is that of the wall and not of a rival sheet, by the candidates' shares."""
+        return np.asarray(np.interp(self.rivalry, RIVALRIES, WALL_SHARES))
 
-def body_fit(normals: np.ndarray, candidates: np.ndarray, mask: np.ndarray, inradius: float) -> BodyFit:
+
+def body_fit(body: RotationalNormals, candidates: np.ndarray, mask: np.ndarray, inradius: float) -> BodyFit:
     """Measure how well a body explains candidates.
 
     Args:
-        normals: (H, W, 3), of the body.
+        body: rotationally symmetric.
         candidates: (K, H, W, 3), NaN where there are fewer.
         mask: (H, W) bool, the object.
         inradius: of the object, in pixels.
     """
-    angle = np.nan_to_num(angles(candidates, normals), nan=180.0)
+    rivalry = np.zeros(mask.shape) if body.rivalry is None else body.rivalry
+    angle = np.nan_to_num(angles(candidates, body.normals), nan=180.0)
     nearest = angle.min(axis=0, initial=180.0)
     is_near = mask & (nearest < NEAR_DEG)
     if not is_near.any():
-        return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG)
+        return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG, rivalry)
     chosen = np.take_along_axis(candidates, angle.argmin(axis=0)[None, ..., None], axis=0)[0]
-    difference = np.where(is_near[..., None], chosen - normals, 0.0)
+    difference = np.where(is_near[..., None], chosen - body.normals, 0.0)
     window = max(NEIGHBOUR_INRADII * inradius, 1.0)
     blurred = np.stack([gaussian_blur(difference[..., axis], window) for axis in range(3)], axis=-1)
     mean = blurred[is_near] / gaussian_blur(is_near, window)[is_near][:, None]
     scatter = float(np.median(nearest[is_near])) / MEDIAN_OF_RAYLEIGH
     deviation = float(np.degrees(np.median(lengths(mean))))
-    return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation)
+    return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation, rivalry)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.revolution.profile_slopes import with_shown_slopes
+from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, slope_angles, with_shown_slopes
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -53,7 +53,16 @@ class Wall:
 
     def corrected(self, candidates: np.ndarray, start: SurfaceOfRevolution | None = None) -> float:
         """Return the error of a surface whose slopes candidates (K, N, 3) correct."""
-        return self.error(with_shown_slopes(start or with_flat_wall(self.vase), self.x, self.y, candidates))
+        return self.error(self.with_slopes(candidates, start or with_flat_wall(self.vase)))
+
+    def with_slopes(self, candidates: np.ndarray, start: SurfaceOfRevolution) -> SurfaceOfRevolution:
+        """Return a surface with the slopes that candidates (K, N, 3) show on it."""
+        return with_shown_slopes(start, ShownSlopes.on(start, self.x, self.y, candidates))
+
+    def rivalry(self, candidates: np.ndarray) -> float:
+        """Return the median rivalry of other slopes than the true ones, half a radius around the middle of the wall."""
+        shown = ShownSlopes.on(self.vase, self.x, self.y, candidates)
+        return float(np.median(shown.rivalry(slope_angles(self.vase))[np.abs(self.vase.heights) < 30.0]))
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +104,7 @@ def test_stray_candidates_change_a_circle_at_most(wall: Wall) -> None:
     stray = np.full((1, *wall.normals.shape), np.nan)
     stray[0, ::300] = wall.tilted(20.0)[::300]
     start = with_flat_wall(wall.vase)
-    corrected = with_shown_slopes(start, wall.x, wall.y, stray)
+    corrected = wall.with_slopes(stray, start)
     changed = angles(corrected.normals(wall.x, wall.y), start.normals(wall.x, wall.y)) > 0.1
     assert changed.mean() < 0.02
 
@@ -106,14 +115,27 @@ def test_candidates_far_from_the_contours_slope_belong_to_another_wall(wall: Wal
 
 
 def test_radii_and_flat_ends_stay(wall: Wall) -> None:
-    corrected = with_shown_slopes(wall.vase, wall.x, wall.y, wall.tilted(8.0)[None])
+    corrected = wall.with_slopes(wall.tilted(8.0)[None], wall.vase)
     assert np.array_equal(corrected.squared_radii, wall.vase.squared_radii)
     assert np.array_equal(corrected.half_slopes[[0, -1]], wall.vase.half_slopes[[0, -1]])
 
 
 def test_no_candidate_at_all_leaves_the_contours_slopes(wall: Wall) -> None:
     nothing = np.full((2, len(wall.x), 3), np.nan)
-    corrected = with_shown_slopes(wall.vase, wall.x, wall.y, nothing)
+    corrected = wall.with_slopes(nothing, wall.vase)
     assert np.allclose(corrected.half_slopes, wall.vase.half_slopes)
-    none = with_shown_slopes(wall.vase, np.zeros(0), np.zeros(0), np.zeros((3, 0, 3)))
+    none = with_shown_slopes(wall.vase, ShownSlopes.on(wall.vase, np.zeros(0), np.zeros(0), np.zeros((3, 0, 3))))
     assert np.allclose(none.half_slopes, wall.vase.half_slopes)
+
+
+def test_a_second_sheet_of_the_same_symmetry_is_a_rival(wall: Wall) -> None:
+    true, second = noisy(wall.normals, 1.0), noisy(wall.tilted(12.0), 1.0)
+    half = np.where((np.arange(len(second)) % 2 == 0)[:, None], second, np.nan)
+    assert wall.rivalry(true[None]) < 0.1
+    assert wall.rivalry(np.stack([true, half])) == pytest.approx(0.5, abs=0.1)
+    assert wall.rivalry(np.stack([true, second])) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_sheet_that_changes_around_the_axis_is_none(wall: Wall) -> None:
+    false = wall.tilted(40.0 * np.cos(3.0 * wall.azimuth))
+    assert wall.rivalry(np.stack([noisy(wall.normals, 1.0), false])) < 0.35

@@ -4,18 +4,20 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 from glint.tasks.algorithms.vessels.body_fit import LARGEST_SCATTER_DEG, MAX_TRUST, body_fit
 
 SHAPE = (80, 90)
 MASK = np.hypot(*(np.indices(SHAPE) - np.array([40, 45])[:, None, None])) < 35
 INRADIUS = 35.0
-BODY = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (*SHAPE, 3))
+TOWARDS_CAMERA = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (*SHAPE, 3))
+BODY = RotationalNormals(TOWARDS_CAMERA, np.zeros(SHAPE), 0.0, 0.0)
 
 
 def candidates(noise_deg: float, deviation_deg: float = 0.0) -> np.ndarray:
     """Return candidates (1, H, W, 3) that scatter about normals which lean to the right by a deviation."""
     scatter = np.random.default_rng(0).normal(0.0, np.radians(noise_deg), (*SHAPE, 3))
-    return unit(BODY + scatter + np.array([np.radians(deviation_deg), 0.0, 0.0]))[None]
+    return unit(TOWARDS_CAMERA + scatter + np.array([np.radians(deviation_deg), 0.0, 0.0]))[None]
 
 
 @pytest.mark.parametrize("noise", [1.2, 2.0, 3.0])
@@ -51,3 +53,16 @@ def test_a_body_that_no_candidate_confirms_is_not_trusted() -> None:
         fit = body_fit(BODY, shown, MASK, INRADIUS)
         assert fit.scatter_deg == LARGEST_SCATTER_DEG
         assert fit.trust < 0.05
+
+
+def test_confidence_falls_where_another_slope_is_shown_as_often() -> None:
+    rivalry = np.zeros(SHAPE)
+    rivalry[40:60], rivalry[60:] = 0.5, 1.2
+    confidence = body_fit(BODY._replace(rivalry=rivalry), candidates(1.5), MASK, INRADIUS).confidence
+    assert (confidence[:40] == 1.0).all()
+    assert (confidence[40:60] < 1.0).all() and (confidence[40:60] > 0.95).all()
+    assert (confidence[60:] < 0.9).all()
+
+
+def test_a_body_of_which_no_rivalry_is_known_keeps_its_confidence() -> None:
+    assert (body_fit(BODY, candidates(1.5), MASK, INRADIUS).confidence == 1.0).all()
