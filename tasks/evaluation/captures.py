@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from glint.storage.inputs.masks_and_truth import read_truth
+from glint.storage.errors import InputError
+from glint.storage.inputs.masks_and_truth import Truth, read_truth
 from glint.tasks.algorithms.evaluation.metrics import (
     DepthErrors,
     LabelErrors,
@@ -81,7 +82,8 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     stages: names of the stages whose seconds and warnings are part of the evaluation.
 
     Raises:
-        InputError: the truth is unusable; StoreError: the capture was not run.
+        InputError: the truth is unusable, or lies beside the pixels that it is to judge; StoreError: the capture was
+            not run.
     """
     if work.capture.truth is None:
         return None
@@ -93,6 +95,7 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     labels, view_vectors = work.load("labels"), load_geometry(work).view_vectors
     normals = _normals_by_method(work, view)
     observed = mask & (clusters.observations > 0)
+    _require_overlap(work.name, truth, observed, mask)
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
     known = mask & np.isfinite(error)
@@ -128,6 +131,20 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
         truth=truth.normals,
         confidence=confidence,
     )
+
+
+def _require_overlap(name: str, truth: Truth, observed: np.ndarray, mask: np.ndarray) -> None:
+    """Raise InputError if no true normal is at an observed pixel (H, W) bool, or no true depth in the mask (H, W)."""
+    if truth.normals is not None and not np.isfinite(truth.normals[observed]).all(axis=-1).any():
+        raise InputError(
+            f"no true normal is at a pixel where {name} has a highlight",
+            "check that normals.npy is of this capture's region, and see the warnings of its run",
+        )
+    if truth.depth is not None and not np.isfinite(truth.depth[mask]).any():
+        raise InputError(
+            f"no true depth is inside the mask of {name}",
+            "check that depth.npy is of this capture's region, or remove it",
+        )
 
 
 def _normals_by_method(work: CaptureContext, view: LabelledView) -> dict[str, np.ndarray]:

@@ -26,6 +26,8 @@ from glint.tasks.model.view_registration import view_of
 MODEL_METHODS = ("visual hull", "depths shifted to the hull", "glint")
 MAX_MODEL_BYTES = 2_000_000_000
 """Size of the largest true model that is read."""
+MESH_FORMATS = ("ply", "stl", "obj", "off")
+"""Suffixes of files that hold one mesh; others hold scenes, or need libraries that Glint does not install."""
 MIN_MERGED_COSINE = 0.25
 """Cosine between normal and view axis from which a pixel's depth is merged: steeper normals are extrapolated from the
 silhouette and would only thicken the merged surface."""
@@ -107,13 +109,23 @@ def load_true_mesh(address: str) -> trimesh.Trimesh:
     """Read a true surface.
 
     Raises:
-        InputError: it cannot be read, or has no triangles.
+        InputError: it cannot be read, or is no surface: it has no triangles, or no area.
     """
     place = locate(address)
+    suffix = place.name.rpartition(".")[2].lower()
+    if suffix not in MESH_FORMATS:
+        raise InputError(
+            f"the true model {place.uri} is not a PLY file, nor of another known format",
+            f"name a file that ends in {', '.join(f'.{name}' for name in MESH_FORMATS)}",
+        )
+    data = read_bytes(place, MAX_MODEL_BYTES)
     try:
-        mesh = trimesh.load(io.BytesIO(read_bytes(place, MAX_MODEL_BYTES)), file_type=place.name.rpartition(".")[2])
-    except (ValueError, KeyError, IndexError, NotImplementedError) as error:
+        mesh = trimesh.load(io.BytesIO(data), file_type=suffix)
+    # The readers do not check what they read: a damaged file raises whatever error it leads to.
+    except Exception as error:
         raise InputError(f"the true model {place.uri} cannot be read ({error})", "give a PLY file") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"the true model {place.uri} has no triangles", "give a mesh as a PLY file")
+    if not mesh.area > 0.0:
+        raise InputError(f"the true model {place.uri} has no area", "give a mesh whose triangles are not degenerate")
     return mesh
