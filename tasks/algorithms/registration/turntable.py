@@ -8,22 +8,15 @@ upright and the angles near the given ones.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import theilslopes
 
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
-from glint.tasks.algorithms.registration.epipolar_tangency import (
-    CALIBRATION_RAYS,
-    SilhouetteRays,
-    robust_residuals,
-    trace_silhouette_rays,
-)
+from glint.tasks.algorithms.registration.epipolar_tangency import DIFFERENCE_STEP, fit_silhouettes
 from glint.tasks.algorithms.registration.normal_consistency import NormalConsistency, normal_consistency
 
 LEANS_TO_CAMERA_DEG = (0.0, 25.0, -25.0)
@@ -37,10 +30,6 @@ STEP_ERROR = 0.02
 MIN_STEP_DEVIATIONS, MAX_STEP_DEVIATIONS = 1.5, 3.0
 """Corrections of the step beyond which it is wrong, in standard deviations of what single angles make of it: where only
 these may be wrong, and where the step may."""
-DIFFERENCE_STEP = 0.1
-"""Step of numerical derivatives: degrees, or percent of the object's size."""
-MAX_EVALUATIONS = 12
-"""Evaluations of the least-squares solver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +62,14 @@ class Turntable:
         return lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
 
 
+def wrapped(degrees: np.ndarray) -> np.ndarray:
+    """Return angles (...) in -180..180 degrees."""
+    return (degrees + 180.0) % 360.0 - 180.0
+
+
 def relative_turns(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Return by how many degrees each angle (K,) changes, less the turn of the whole turntable: their median."""
-    turns = (after - before + 180.0) % 360.0 - 180.0
+    turns = wrapped(after - before)
     return np.asarray(turns - np.median(turns))
 
 
@@ -209,31 +203,13 @@ def _calibrate(
     def views_at(unknowns: np.ndarray) -> list[View]:
         return views_on_turntable(views, turntable(unknowns))
 
-    # The solver evaluates residuals and derivatives at the same unknowns, one after the other.
-    @lru_cache(maxsize=1)
-    def rays_at(*unknowns: float) -> SilhouetteRays:
-        return trace_silhouette_rays(views_at(np.array(unknowns)), CALIBRATION_RAYS)
+    def further_residuals(unknowns: np.ndarray) -> np.ndarray:
+        return np.concatenate([prior_weight * (unknowns - prior_mean), matrix @ (unknowns[3:] @ free) + vector])
 
-    def residuals(unknowns: np.ndarray) -> np.ndarray:
-        angle_changes = unknowns[3:] @ free
-        distances = rays_at(*unknowns.tolist()).distance
-        prior = prior_weight * (unknowns - prior_mean)
-        return np.concatenate([robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
-
-    def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        silhouette_rows = rays_at(*unknowns.tolist()).derivatives(views_at, unknowns, DIFFERENCE_STEP, pixel_sizes)
-        normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
-        return np.vstack([silhouette_rows, np.diag(prior_weight), normal_rows])
-
+    normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
     # An angle that is loosely held may need a large step.
     scales = np.concatenate([np.ones(len(AXIS_ERRORS)), 1.0 / precision])
-    solution = least_squares(
-        residuals,
-        np.zeros(len(prior_weight)),
-        jac=jacobian,
-        x_scale=scales,
-        max_nfev=MAX_EVALUATIONS,
-        xtol=1e-4,
-        ftol=1e-4,
+    unknowns, cost = fit_silhouettes(
+        views_at, scales, pixel_sizes, further_residuals, np.vstack([np.diag(prior_weight), normal_rows])
     )
-    return turntable(solution.x), float(solution.cost)
+    return turntable(unknowns), cost
