@@ -42,8 +42,7 @@ class SilhouetteDistance:
         Where the mask touches the region's border the object is cropped: its silhouette is continued outwards.
         """
         margin = int(MARGIN_SHARE * max(mask.shape)) + 8
-        is_cropped = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
-        padded = np.pad(mask, margin, mode="edge") if is_cropped else np.pad(mask, margin)
+        padded = np.pad(mask, margin, mode="edge")
         distance = ndimage.distance_transform_edt(~padded) - ndimage.distance_transform_edt(padded)
         # The silhouette runs half-way between the outermost pixels inside and the innermost ones outside.
         distance = ndimage.gaussian_filter(distance - 0.5 * np.sign(distance), STAIRCASE_SIGMA_PX)
@@ -204,8 +203,10 @@ def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndar
     Where the region's border crops the object, it does not count as silhouette.
 
     Raises:
-        UnusableCapture: nothing else is left of it.
+        UnusableCapture: nothing else is left of it, or the mask is empty.
     """
+    if not mask.any():
+        raise UnusableCapture("the mask of a view is empty", "correct the mask of the capture whose mask is")
     contour = outermost_pixels(mask)
     if not contour.any():
         raise UnusableCapture(

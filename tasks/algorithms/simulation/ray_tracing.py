@@ -100,10 +100,9 @@ class Scene:
         # Interpolated normals are good enough for rendering; the truth takes exact ones where there are any.
         for number, solid in enumerate(self.solids):
             chosen = observed & (numbers == number)
-            if solid.function is not None and chosen.any():
-                triangle = np.zeros(int(chosen.sum()), np.int64)
-                points = origins[chosen] + directions[chosen] * distance[chosen, None]
-                normals[chosen] = solid.normals(points, triangle, np.zeros((len(triangle), 2)))
+            exact = solid.exact_normals(origins[chosen] + directions[chosen] * distance[chosen, None])
+            if exact is not None:
+                normals[chosen] = exact
         normals = np.where((normals * directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
         depth = origins[:, 2] + directions[:, 2] * np.where(observed, distance, 0.0)
         return RenderedTruth(

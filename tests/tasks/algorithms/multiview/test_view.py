@@ -42,6 +42,8 @@ def test_the_distance_is_computed_once() -> None:
 def test_an_object_that_fills_its_region_has_no_silhouette() -> None:
     with pytest.raises(UnusableCapture, match="fills its region"):
         silhouette_pixels(np.ones((40, 40), bool), 40)
+    with pytest.raises(UnusableCapture, match="is empty"):
+        silhouette_pixels(np.zeros((40, 40), bool), 40)
 
 
 SKEWED = np.array([[400.0, 12.0, 45.0], [0.0, 380.0, 50.0], [0.0, 0.0, 1.0]])
