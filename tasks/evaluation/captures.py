@@ -9,7 +9,6 @@ import numpy as np
 from scipy import ndimage
 
 from glint.storage.errors import InputError
-from glint.storage.inputs.masks_and_truth import Truth, read_truth
 from glint.tasks.algorithms.evaluation.metrics import (
     DepthErrors,
     LabelErrors,
@@ -26,6 +25,7 @@ from glint.tasks.algorithms.lighting.coverage import MAX_OBSERVABLE_ANGLE_DEG
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.evaluation.truth import CaptureTruth, load_truth
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.labels import LabelledView, load_view, reconstruct
 
@@ -89,8 +89,8 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
         return None
     view = load_view(work)
     clusters, mask = view.clusters, view.mask
-    truth = read_truth(work.capture.truth, mask.shape)
-    if truth.normals is None:
+    truth = load_truth(work, mask.shape)
+    if truth is None:
         return None
     labels, view_vectors = work.load("labels"), load_geometry(work).view_vectors
     normals = _normals_by_method(work, view)
@@ -133,9 +133,9 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     )
 
 
-def _require_overlap(name: str, truth: Truth, observed: np.ndarray, mask: np.ndarray) -> None:
+def _require_overlap(name: str, truth: CaptureTruth, observed: np.ndarray, mask: np.ndarray) -> None:
     """Raise InputError if no true normal is at an observed pixel (H, W) bool, or no true depth in the mask (H, W)."""
-    if truth.normals is not None and not np.isfinite(truth.normals[observed]).all(axis=-1).any():
+    if not np.isfinite(truth.normals[observed]).all(axis=-1).any():
         raise InputError(
             f"no true normal is at a pixel where {name} has a highlight",
             "check that normals.npy is of this capture's region, and see the warnings of its run",
