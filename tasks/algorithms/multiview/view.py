@@ -1,8 +1,9 @@
 """A view: what one capture shows of an object, and the pose of its camera.
 
-World coordinates are those of the poses: on a turntable the axis is y and y = 0 is the frame's centre row. A point X of
-the world is at R X + t in the camera frame (x right, y up, z to the camera). Projection, rays and footprint are those
-of a pinhole or an orthographic camera (Hartley and Zisserman, Multiple View Geometry in Computer Vision, chapter 6).
+World coordinates are those of the poses: on a turntable the axis is y, and y = 0 is the row of the camera's optical
+axis, that of an orthographic camera the frame's centre row. A point X of the world is at R X + t in the camera frame (x
+right, y up, z to the camera). Projection, rays and footprint are those of a pinhole or an orthographic camera (Hartley
+and Zisserman, Multiple View Geometry in Computer Vision, chapter 6).
 The silhouette's signed distance is an exact Euclidean distance transform (Maurer, Qi and Raghavan 2003, as in SciPy).
 """
 

@@ -36,9 +36,10 @@ these may be wrong, and where the step may."""
 class Turntable:
     """A turntable's axis in the camera frame, and the angles of its K views.
 
-    offset: world units from the frame's centre to the axis, positive to the right; lean_to_camera, lean_right: degrees
-    by which its upper end leans to the camera and to the right; angles: (K,) degrees. Of V >= K views of an object the
-    first K stand on it; the others have poses of their own in the turntable's world.
+    offset: world units from the camera's optical axis (orthographic: the frame's centre) to the axis, positive to the
+    right; lean_to_camera, lean_right: degrees by which its upper end leans to the camera and to the right; angles: (K,)
+    degrees. Of V >= K views of an object the first K stand on it; the others have poses of their own in the turntable's
+    world.
     """
 
     offset: float
@@ -82,7 +83,8 @@ def initial_turntable(views: Sequence[View], angles: Sequence[float]) -> Turntab
     centres, radians = [], np.radians(np.asarray(angles, float))
     for view in views:
         columns = np.flatnonzero(view.mask.any(axis=0)) + view.origin[0]
-        centres.append(((columns[0] + columns[-1]) / 2 - (view.frame[0] - 1) / 2) * view.pixel_size)
+        optical_axis = (view.frame[0] - 1) / 2 if view.matrix is None else float(view.matrix[0, 2])
+        centres.append(((columns[0] + columns[-1]) / 2 - optical_axis) * view.pixel_size)
     terms = [np.ones(len(radians))]
     for harmonic in (1, 3):
         if len(radians) >= len(terms) + 3:
