@@ -1,4 +1,7 @@
-"""Ablation: the errors with each ingredient of the labelling switched off, on stored clusters."""
+"""Ablation: the errors with each ingredient of the labelling switched off, on stored clusters.
+
+All other weights of the labelling are the default ones, whatever the parameters of the capture.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

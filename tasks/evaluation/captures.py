@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.evaluation.metrics import (
+    ANGLE_LIMITS_DEG,
     DepthErrors,
     LabelErrors,
     NormalErrors,
@@ -30,7 +31,7 @@ from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.labels import LabelledView, load_view, reconstruct
 
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
-CONFIDENT_ERROR_DEG = 5.0
+CONFIDENT_ERROR_DEG = ANGLE_LIMITS_DEG[0]
 """Degrees of error within which a confident pixel counts as right."""
 
 

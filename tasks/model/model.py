@@ -52,10 +52,10 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
         for work in works
         if work not in usable
     ]
-    doubts = deviating_spheres(surveyed_spheres(usable))
-    registered = register_views(by_name, doubts)
+    sphere_doubts = deviating_spheres(surveyed_spheres(usable))
+    registered = register_views(by_name, sphere_doubts)
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
-    unit, of_unit = checked_unit(registered, unit)
+    unit, unit_warnings = checked_unit(registered, unit)
     parameters = works[0].parameters.model
     base = base_plane(registered, parameters.base_plane)
     surface: Model | None = None
@@ -73,9 +73,9 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
             part = _part_of(progress, number * REFINEMENT_ROUNDS + round_number, parameters.passes)
             surface = reconstruct_surface(views, surface, rounds=1, progress=part, base=base.height)
     assert surface is not None
-    surface, of_poses = doubted_model(surface, views, registered, parameters.most_triangles)
-    output = model_output(registered, surface, unit, doubts, base, of_poses)
-    return replace(output, warnings=[*output.warnings, *of_unit])
+    surface, pose_doubts = doubted_model(surface, views, registered, parameters.most_triangles)
+    output = model_output(registered, surface, unit, sphere_doubts, base, pose_doubts)
+    return replace(output, warnings=[*output.warnings, *unit_warnings])
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:
