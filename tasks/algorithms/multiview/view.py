@@ -167,6 +167,27 @@ class View:
             starts = np.zeros_like(directions)
         return (starts - self.translation) @ self.rotation, directions @ self.rotation
 
+    def silhouette_pixels(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns and rows (count,) float64 of pixels on the silhouette, ordered around its centroid.
+
+        Where the region's border crops the object, it does not count as silhouette.
+
+        Raises:
+            UnusableCapture: nothing else is left of it, or the mask is empty.
+        """
+        if not self.mask.any():
+            raise UnusableCapture(f"the mask of {self.name} is empty", "correct it")
+        contour = outermost_pixels(self.mask)
+        if not contour.any():
+            raise UnusableCapture(
+                f"the mask of {self.name} fills its region, so that it has no silhouette",
+                "enlarge the region of that capture, or correct its mask",
+            )
+        rows, columns = np.nonzero(contour)
+        order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
+        chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]
+        return columns[chosen].astype(float), rows[chosen].astype(float)
+
     def view_vectors(self, points: np.ndarray) -> np.ndarray:
         """Return the unit vectors (N, 3), world, from points (N, 3) to the camera."""
         if self.matrix is None:
@@ -196,28 +217,6 @@ def sample(values: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndar
     if values.ndim == 3:
         return np.stack([sample(values[..., channel], columns, rows) for channel in range(values.shape[2])], axis=-1)
     return np.asarray(ndimage.map_coordinates(values, [rows, columns], order=1, mode="nearest"))
-
-
-def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns and rows (count,) float64 of pixels on a mask's silhouette, ordered around its centroid.
-
-    Where the region's border crops the object, it does not count as silhouette.
-
-    Raises:
-        UnusableCapture: nothing else is left of it, or the mask is empty.
-    """
-    if not mask.any():
-        raise UnusableCapture("the mask of a view is empty", "correct the mask of the capture whose mask is")
-    contour = outermost_pixels(mask)
-    if not contour.any():
-        raise UnusableCapture(
-            "the mask of a view fills its region, so that it has no silhouette",
-            "enlarge the region of the capture whose mask does, or correct its mask",
-        )
-    rows, columns = np.nonzero(contour)
-    order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
-    chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]
-    return columns[chosen].astype(float), rows[chosen].astype(float)
 
 
 def rotation_about_y(degrees: float) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
 RAYS_PER_VIEW = 48
@@ -87,7 +87,7 @@ class SilhouetteRays:
 
 def trace_silhouette_rays(views: Sequence[View], rays_per_view: int) -> SilhouetteRays:
     """Trace rays through the silhouette pixels of all views against the silhouettes of the other views."""
-    columns, rows = np.moveaxis(np.array([silhouette_pixels(view.mask, rays_per_view) for view in views]), 1, 0)
+    columns, rows = np.moveaxis(np.array([view.silhouette_pixels(rays_per_view) for view in views]), 1, 0)
     sphere = bounding_sphere(views)
     depth, nearest_view, distance = zip(
         *(_deepest_points(views, number, columns[number], rows[number], sphere) for number in range(len(views))),
