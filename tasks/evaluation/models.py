@@ -5,6 +5,7 @@ The baselines are the visual hull, and the depth maps of the single views merged
 
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from glint.storage.catalogue.loading import Object
 from glint.storage.errors import InputError
 from glint.storage.locations.input_files import locate, read_bytes
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
 from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.view import View
@@ -37,8 +39,8 @@ silhouette and would only thicken the merged surface."""
 class ModelEvaluation:
     """An object's model compared with the truth.
 
-    scores: by MODEL_METHODS; views: number of views in the model; left_out: names of the views that were rejected;
-    triangles, seconds: of the stored model.
+    scores: by MODEL_METHODS, without a baseline that gives no surface; views: number of views in the model; left_out:
+    names of the views that were rejected; triangles, seconds: of the stored model.
     """
 
     name: str
@@ -67,13 +69,12 @@ def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvalu
     truth = load_true_mesh(entry.truth_model)
     views, depths = load_registered_views(works)
     hull = hull_model(views)
+    scores = {"visual hull": score_model(hull.vertices, hull.triangles, truth)}
     aligned = [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
-    merged = merge_depth_maps([without_steep_normals(view) for view in views], aligned, hull.cell)
-    scores = {
-        "visual hull": score_model(hull.vertices, hull.triangles, truth),
-        "depths shifted to the hull": score_model(merged.vertices, merged.triangles, truth),
-        "glint": score_model(saved.read("vertices"), saved.read("triangles"), truth),
-    }
+    with suppress(UnusableCapture):
+        merged = merge_depth_maps([without_steep_normals(view) for view in views], aligned, hull.cell)
+        scores["depths shifted to the hull"] = score_model(merged.vertices, merged.triangles, truth)
+    scores["glint"] = score_model(saved.read("vertices"), saved.read("triangles"), truth)
     return ModelEvaluation(
         name=entry.id,
         scores=scores,
