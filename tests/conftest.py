@@ -1,7 +1,6 @@
 """Fixtures shared by all tests."""
 
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -53,14 +52,10 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def performed(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
     """A store in which all stages of the simulated capture are performed, nothing is published; to be copied."""
     from glint.tasks.engine.references import CaptureReference
-    from glint.tasks.engine.stage import perform, stage_keys
-    from glint.tasks.pipeline import STAGES
+    from tests.tasks.make_context import perform_all
 
     store = tmp_path_factory.mktemp("performed") / "store"
-    context = CaptureReference(str(simulated), "hemisphere", "front", str(store), "run").context()
-    keys = stage_keys(context, STAGES)
-    for stage in STAGES:
-        perform(context, stage, keys[stage.name])
+    perform_all(CaptureReference(str(simulated), "hemisphere", "front", str(store), "run").context())
     return store
 
 
@@ -69,10 +64,9 @@ def s3() -> Iterator[s3_gateway.Gateway]:
     """An S3 server with the bucket `store`; tests that need it are skipped where it is not installed."""
     if missing := s3_gateway.missing():
         pytest.skip(f"no S3 gateway: {', '.join(missing)} missing (Debian: ceph-mon ceph-osd ceph-common radosgw curl)")
-    folder = Path(tempfile.mkdtemp(prefix="s3-"))  # short, since sockets lie there
-    with s3_gateway.Gateway(folder) as gateway:
+    # A short path, since sockets lie there.
+    with tempfile.TemporaryDirectory(prefix="s3-") as folder, s3_gateway.Gateway(Path(folder)) as gateway:
         yield gateway
-    shutil.rmtree(folder)
 
 
 @pytest.fixture(scope="session")

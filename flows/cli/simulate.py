@@ -153,9 +153,12 @@ def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "Captu
         raise SimulationError(f"there is no option {unknown[0]!r}", f"set one of {', '.join(known)}")
     try:
         return TypeAdapter(CaptureOptions).validate_python(dict(values) | named)
-    except ValueError as error:
-        reason = str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
-        raise SimulationError(f"{', '.join(settings) or values}: {reason}", "see `glint simulate --help`") from None
+    except ValidationError as error:
+        detail = error.errors()[0]
+        # What CaptureOptions refuses itself names the option already.
+        place = "".join(f"{name}={detail['input']}: " for name in detail["loc"][:1])
+        reason = place + detail["msg"].removeprefix("Value error, ")
+        raise SimulationError(reason, "see `glint simulate --help`") from None
 
 
 def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink", name: str = "") -> None:

@@ -1,10 +1,12 @@
-"""Ablation: the errors with each ingredient of the labelling switched off, on stored clusters."""
+"""Ablation: the errors with each ingredient of the labelling switched off, on stored clusters.
+
+All other weights of the labelling are the default ones, whatever the parameters of the capture.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
@@ -17,6 +19,7 @@ from glint.tasks.algorithms.labelling.weights import (
     LabellingOptions,
 )
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.evaluation.truth import load_truth
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.labels import has_readmission
@@ -71,12 +74,12 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     if work.capture.truth is None:
         return None
     mask = work.load("mask").read("mask")
-    truth = read_truth(work.capture.truth, mask.shape).normals
+    truth = load_truth(work, mask.shape)
     if truth is None:
         return None
     clusters, marks, geometry = load_clusters(work), load_marks(work), load_geometry(work)
     view = geometry.view_vectors
-    clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
+    clusters, marks, true_normals = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth.normals, view)
     observed = mask & (clusters.observations > 0)
     readmission, results = has_readmission(work.capture.pose), {}
     for name, ablation in ABLATIONS.items():
@@ -92,5 +95,5 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
         )
         known = marks if ablation.has_marks else None
         normals = reconstruct_normals(kept, mask, options, marks=known, camera=geometry.region_camera).normals
-        results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
+        results[name] = squared_errors(normals, true_normals, observed), squared_errors(normals, true_normals, mask)
     return results

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from glint.storage.inputs.masks_and_truth import read_truth
+from glint.storage.errors import InputError
 from glint.tasks.algorithms.evaluation.metrics import (
+    ANGLE_LIMITS_DEG,
     DepthErrors,
     LabelErrors,
     NormalErrors,
@@ -25,11 +26,12 @@ from glint.tasks.algorithms.lighting.coverage import MAX_OBSERVABLE_ANGLE_DEG
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.evaluation.truth import CaptureTruth, load_truth
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.labels import LabelledView, load_view, reconstruct
 
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
-CONFIDENT_ERROR_DEG = 5.0
+CONFIDENT_ERROR_DEG = ANGLE_LIMITS_DEG[0]
 """Degrees of error within which a confident pixel counts as right."""
 
 
@@ -81,18 +83,20 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     stages: names of the stages whose seconds and warnings are part of the evaluation.
 
     Raises:
-        InputError: the truth is unusable; StoreError: the capture was not run.
+        InputError: the truth is unusable, or lies beside the pixels that it is to judge; StoreError: the capture was
+            not run.
     """
     if work.capture.truth is None:
         return None
     view = load_view(work)
     clusters, mask = view.clusters, view.mask
-    truth = read_truth(work.capture.truth, mask.shape)
-    if truth.normals is None:
+    truth = load_truth(work, mask.shape)
+    if truth is None:
         return None
     labels, view_vectors = work.load("labels"), load_geometry(work).view_vectors
     normals = _normals_by_method(work, view)
     observed = mask & (clusters.observations > 0)
+    _require_overlap(work.name, truth, observed, mask)
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
     known = mask & np.isfinite(error)
@@ -128,6 +132,20 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
         truth=truth.normals,
         confidence=confidence,
     )
+
+
+def _require_overlap(name: str, truth: CaptureTruth, observed: np.ndarray, mask: np.ndarray) -> None:
+    """Raise InputError if no true normal is at an observed pixel (H, W) bool, or no true depth in the mask (H, W)."""
+    if not np.isfinite(truth.normals[observed]).all(axis=-1).any():
+        raise InputError(
+            f"no true normal is at a pixel where {name} has a highlight",
+            "check that normals.npy is of this capture's region, and see the warnings of its run",
+        )
+    if truth.depth is not None and not np.isfinite(truth.depth[mask]).any():
+        raise InputError(
+            f"no true depth is inside the mask of {name}",
+            "check that depth.npy is of this capture's region, or remove it",
+        )
 
 
 def _normals_by_method(work: CaptureContext, view: LabelledView) -> dict[str, np.ndarray]:

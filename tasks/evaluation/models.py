@@ -5,6 +5,7 @@ The baselines are the visual hull, and the depth maps of the single views merged
 
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from glint.storage.catalogue.loading import Object
 from glint.storage.errors import InputError
 from glint.storage.locations.input_files import locate, read_bytes
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
 from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.view import View
@@ -26,6 +28,8 @@ from glint.tasks.model.view_registration import view_of
 MODEL_METHODS = ("visual hull", "depths shifted to the hull", "glint")
 MAX_MODEL_BYTES = 2_000_000_000
 """Size of the largest true model that is read."""
+MESH_FORMATS = ("ply", "stl", "obj", "off")
+"""Suffixes of files that hold one mesh; others hold scenes, or need libraries that Glint does not install."""
 MIN_MERGED_COSINE = 0.25
 """Cosine between normal and view axis from which a pixel's depth is merged: steeper normals are extrapolated from the
 silhouette and would only thicken the merged surface."""
@@ -35,8 +39,8 @@ silhouette and would only thicken the merged surface."""
 class ModelEvaluation:
     """An object's model compared with the truth.
 
-    scores: by MODEL_METHODS; views: number of views in the model; left_out: names of the views that were rejected;
-    triangles, seconds: of the stored model.
+    scores: by MODEL_METHODS, without a baseline that gives no surface; views: number of views in the model; left_out:
+    names of the views that were rejected; triangles, seconds: of the stored model.
     """
 
     name: str
@@ -65,13 +69,12 @@ def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvalu
     truth = load_true_mesh(entry.truth_model)
     views, depths = load_registered_views(works)
     hull = hull_model(views)
+    scores = {"visual hull": score_model(hull.vertices, hull.triangles, truth)}
     aligned = [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
-    merged = merge_depth_maps([without_steep_normals(view) for view in views], aligned, hull.cell)
-    scores = {
-        "visual hull": score_model(hull.vertices, hull.triangles, truth),
-        "depths shifted to the hull": score_model(merged.vertices, merged.triangles, truth),
-        "glint": score_model(saved.read("vertices"), saved.read("triangles"), truth),
-    }
+    with suppress(UnusableCapture):
+        merged = merge_depth_maps([without_steep_normals(view) for view in views], aligned, hull.cell)
+        scores["depths shifted to the hull"] = score_model(merged.vertices, merged.triangles, truth)
+    scores["glint"] = score_model(saved.read("vertices"), saved.read("triangles"), truth)
     return ModelEvaluation(
         name=entry.id,
         scores=scores,
@@ -107,13 +110,23 @@ def load_true_mesh(address: str) -> trimesh.Trimesh:
     """Read a true surface.
 
     Raises:
-        InputError: it cannot be read, or has no triangles.
+        InputError: it cannot be read, or is no surface: it has no triangles, or no area.
     """
     place = locate(address)
+    suffix = place.name.rpartition(".")[2].lower()
+    if suffix not in MESH_FORMATS:
+        raise InputError(
+            f"the true model {place.uri} is not a PLY file, nor of another known format",
+            f"name a file that ends in {', '.join(f'.{name}' for name in MESH_FORMATS)}",
+        )
+    data = read_bytes(place, MAX_MODEL_BYTES)
     try:
-        mesh = trimesh.load(io.BytesIO(read_bytes(place, MAX_MODEL_BYTES)), file_type=place.name.rpartition(".")[2])
-    except (ValueError, KeyError, IndexError, NotImplementedError) as error:
+        mesh = trimesh.load(io.BytesIO(data), file_type=suffix)
+    # The readers do not check what they read: a damaged file raises whatever error it leads to.
+    except Exception as error:
         raise InputError(f"the true model {place.uri} cannot be read ({error})", "give a PLY file") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"the true model {place.uri} has no triangles", "give a mesh as a PLY file")
+    if not mesh.area > 0.0:
+        raise InputError(f"the true model {place.uri} has no area", "give a mesh whose triangles are not degenerate")
     return mesh

@@ -6,12 +6,12 @@ from typing import Literal
 import numpy as np
 
 from glint.storage.inputs.markup import AnnotationEntry
-from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.evaluation.truth import load_truth
 from glint.tasks.questions.capture_questions import CaptureQuestions
 
 TRUE_SHEET_DEG, FALSE_SHEET_DEG = 5.0, 10.0
@@ -81,9 +81,10 @@ def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation 
         return None
     questions = CaptureQuestions(work)
     mask = questions.mask
-    truth = read_truth(work.capture.truth, mask.shape).normals
-    if truth is None:
+    known = load_truth(work, mask.shape)
+    if known is None:
         return None
+    truth = known.normals
 
     def errors_with(marks: Marks | None) -> Errors:
         return _errors(questions, questions.label(marks).normals, truth)

@@ -35,7 +35,7 @@ def model_table(models: Sequence[ModelEvaluation]) -> str:
     heads = ["object", "views", "left out", "method", "F 0.5% / 1%", "chamfer", "normals", "watertight"]
     rows = []
     for model in models:
-        for method in MODEL_METHODS:
+        for method in filter(model.scores.__contains__, MODEL_METHODS):
             score, is_stored = model.scores[method], method == MODEL_METHODS[-1]
             rows.append(
                 [

@@ -16,7 +16,7 @@ def correction_warnings(registered: RegisteredViews) -> list[StageWarning]:
     A view with a wrong angle is rejected where the others contradict it. Few views, or views that face each other, may
     instead move others until all silhouettes agree, on a wrong shape.
     """
-    return _of_scales(registered) + _of_angles(registered)
+    return _scale_warnings(registered) + _angle_warnings(registered)
 
 
 def corrected_views(registered: RegisteredViews) -> set[str]:
@@ -43,7 +43,7 @@ def _corrected_angles(registered: RegisteredViews) -> dict[str, tuple[float, flo
     }
 
 
-def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
+def _scale_warnings(registered: RegisteredViews) -> list[StageWarning]:
     return [
         StageWarning(
             f"the scale of {name} was corrected by {100.0 * (factor - 1.0):+.1f}% to agree with the silhouettes of the"
@@ -54,7 +54,7 @@ def _of_scales(registered: RegisteredViews) -> list[StageWarning]:
     ]
 
 
-def _of_angles(registered: RegisteredViews) -> list[StageWarning]:
+def _angle_warnings(registered: RegisteredViews) -> list[StageWarning]:
     if registered.turntable is None:
         return []
     factor, warnings = registered.step_factor, list[StageWarning]()

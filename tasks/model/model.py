@@ -5,12 +5,7 @@ from dataclasses import replace
 
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.reconstruction import (
-    REFINEMENT_ROUNDS,
-    STEPS_PER_ROUND,
-    reconstruct_surface,
-    simplify,
-)
+from glint.tasks.algorithms.multiview.reconstruction import REFINEMENT_ROUNDS, STEPS_PER_ROUND, reconstruct_surface
 from glint.tasks.algorithms.registration.registered_views import refine
 from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.capture_context import CaptureContext
@@ -19,7 +14,7 @@ from glint.tasks.model.base_plane import base_plane
 from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_output
 from glint.tasks.model.model_unit import checked_unit, unit_of_model
-from glint.tasks.model.pose_doubts import pose_doubts, with_doubts
+from glint.tasks.model.pose_doubts import doubted_model
 from glint.tasks.model.view_registration import register_views, relabelled
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
@@ -57,10 +52,10 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
         for work in works
         if work not in usable
     ]
-    doubts = deviating_spheres(surveyed_spheres(usable))
-    registered = register_views(by_name, doubts)
+    sphere_doubts = deviating_spheres(surveyed_spheres(usable))
+    registered = register_views(by_name, sphere_doubts)
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
-    unit, of_unit = checked_unit(registered, unit)
+    unit, unit_warnings = checked_unit(registered, unit)
     parameters = works[0].parameters.model
     base = base_plane(registered, parameters.base_plane)
     surface: Model | None = None
@@ -78,12 +73,9 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
             part = _part_of(progress, number * REFINEMENT_ROUNDS + round_number, parameters.passes)
             surface = reconstruct_surface(views, surface, rounds=1, progress=part, base=base.height)
     assert surface is not None
-    if parameters.most_triangles is not None:
-        surface = simplify(surface, views, parameters.most_triangles)
-    of_poses = pose_doubts(registered, surface)
-    surface = with_doubts(surface, views, registered.views, of_poses)
-    output = model_output(registered, surface, unit, doubts, base, of_poses)
-    return replace(output, warnings=[*output.warnings, *of_unit])
+    surface, pose_doubts = doubted_model(surface, views, registered, parameters.most_triangles)
+    output = model_output(registered, surface, unit, sphere_doubts, base, pose_doubts)
+    return replace(output, warnings=[*output.warnings, *unit_warnings])
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

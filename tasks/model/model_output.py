@@ -30,16 +30,16 @@ def model_output(
     registered: RegisteredViews,
     model: Model,
     unit: str,
-    doubts: Mapping[str, Sequence[StageWarning]],
+    sphere_doubts: Mapping[str, Sequence[StageWarning]],
     base: BasePlane,
-    of_poses: PoseDoubts,
+    pose_doubts: PoseDoubts,
 ) -> StageOutput:
     """Return a model's arrays, files, report, counts and warnings.
 
-    unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names; base: the plane on which the
-    object stands; of_poses: what the views' normals say of their poses.
+    unit: "mm" or "pixels"; sphere_doubts: warnings about the spheres of views, by their names; base: the plane on which
+    the object stands; pose_doubts: what the views' normals say of their poses.
     """
-    report = {**model_report(registered, model, unit, of_poses), "base_plane": base.record}
+    report = {**model_report(registered, model, unit, pose_doubts), "base_plane": base.record}
     surface = Surface(
         model.vertices.astype(np.float32),
         model.triangles.astype(np.int32),
@@ -68,23 +68,23 @@ def model_output(
             "seen": round(report["seen"], 4),
         },
         warnings=[
-            *map(_warning, registered.rejected),
+            *map(_rejection_warning, registered.rejected),
             *correction_warnings(registered),
-            *of_poses.warnings,
-            *_doubt_warnings(doubts),
+            *pose_doubts.warnings,
+            *_sphere_warnings(sphere_doubts),
             *base.warnings,
         ],
     )
 
 
-def model_report(registered: RegisteredViews, model: Model, unit: str, of_poses: PoseDoubts) -> dict[str, Any]:
+def model_report(registered: RegisteredViews, model: Model, unit: str, pose_doubts: PoseDoubts) -> dict[str, Any]:
     """Return the content of model.json: views and their poses, rejected views, turntable, figures of the mesh.
 
     `seen`, `unseen`: shares of the surface's area with confidence >= OBSERVED_CONFIDENCE, and that no view shows;
     `volume`, `area`, `bounding_box`, `edge` in units of the model; `handles`: the genus.
     """
     mesh = trimesh.Trimesh(model.vertices, model.triangles, process=False)
-    shares = of_poses.agreement.shares(range(len(registered.views)))
+    shares = pose_doubts.agreement.shares(range(len(registered.views)))
     return {
         "unit": unit,
         "views": [_view_report(number, registered, model, shares[number]) for number in range(len(registered.views))],
@@ -139,13 +139,13 @@ def _area_share(mesh: trimesh.Trimesh, is_counted: np.ndarray) -> float:
     return float((mesh.area_faces * is_counted[mesh.faces].mean(axis=1)).sum() / max(mesh.area, 1e-12))
 
 
-def _warning(rejected: RejectedView) -> StageWarning:
+def _rejection_warning(rejected: RejectedView) -> StageWarning:
     return StageWarning(f"{rejected.name} is not part of the model: {rejected.reason}; {rejected.remedy}", "views")
 
 
-def _doubt_warnings(doubts: Mapping[str, Sequence[StageWarning]]) -> list[StageWarning]:
+def _sphere_warnings(sphere_doubts: Mapping[str, Sequence[StageWarning]]) -> list[StageWarning]:
     return [
         replace(doubt, message=f"{name} counts less in the model: {doubt.message}")
-        for name, view_doubts in doubts.items()
+        for name, view_doubts in sphere_doubts.items()
         for doubt in view_doubts
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.reconstruction import with_confidence
+from glint.tasks.algorithms.multiview.reconstruction import simplify, with_confidence
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
 from glint.tasks.algorithms.registration.pose_evidence import MAX_HELD_VIEWS, pose_evidence
@@ -59,6 +59,22 @@ def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
     )
     trust = np.minimum(doubts.trust, CONTRADICTED_TRUST)
     return replace(doubts, trust=trust, warnings=(*doubts.warnings, warning))
+
+
+def doubted_model(
+    model: Model, views: Sequence[View], registered: RegisteredViews, max_triangles: int | None
+) -> tuple[Model, PoseDoubts]:
+    """Return a model with the confidence that its views deserve, and the doubts about their poses.
+
+    Views are compared at the vertices of the whole model: a reduced one has too few that two of them see.
+
+    views: the registered ones, perhaps with labels that derive from a model; max_triangles: to which the model is
+    reduced, None: it stays as it is.
+    """
+    doubts = pose_doubts(registered, model)
+    if max_triangles is not None:
+        model = simplify(model, views, max_triangles)
+    return with_doubts(model, views, registered.views, doubts), doubts
 
 
 def _doubts_of_normals(registered: RegisteredViews, model: Model) -> PoseDoubts:

@@ -25,18 +25,18 @@ RELABELLING_ROUNDS = 3
 """Iterations of a labelling that starts from the model's normals, nearly right already; the next pass continues it."""
 
 
-def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:
+def view_of(work: CaptureContext, sphere_doubts: Sequence[StageWarning] = ()) -> View:
     """Read a capture's mask, normals and confidence as a view, with the pose and the camera of the catalogue.
 
     A pose that is not given as a matrix is left at the identity: registration sets it.
 
-    doubts: warnings of spheres that contradict the other captures' spheres, by which its normals count less.
+    sphere_doubts: warnings of spheres that contradict the other captures' spheres: its normals count less by them.
     """
     labels, geometry = work.load("labels"), load_geometry(work)
     confidence, evidence = labels.read("confidence"), labels.read("evidence")
     pixel_size = geometry.pixel_size or 1.0
     pose, camera = work.capture.pose, geometry.camera
-    turned = np.radians(max((doubt.cost_deg for doubt in doubts), default=0.0))
+    turned = np.radians(max((doubt.cost_deg for doubt in sphere_doubts), default=0.0))
     trust = np.divide(confidence, evidence, out=np.zeros_like(evidence), where=evidence > 0.0)
     # A turntable's axis is at the distance where a pixel covers pixel_size.
     depth = 0.0 if camera is None else -pixel_size * areal_focal_length(camera)
@@ -59,11 +59,11 @@ def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:
 
 
 def register_views(
-    works: Mapping[str, CaptureContext], doubts: Mapping[str, Sequence[StageWarning]]
+    works: Mapping[str, CaptureContext], sphere_doubts: Mapping[str, Sequence[StageWarning]]
 ) -> RegisteredViews:
     """Register the captures with a pose, then those without one on a coarse model of these.
 
-    works: by capture id; doubts: of their spheres, likewise, see `view_of`.
+    works: by capture id; sphere_doubts: likewise, see `view_of`.
 
     Raises:
         UnusableCapture: fewer than two views have a pose, or none agree.
@@ -71,13 +71,15 @@ def register_views(
     poses = {name: work.capture.pose for name, work in works.items()}
     angles = {name: pose.turntable for name, pose in poses.items() if pose is not None and pose.turntable is not None}
     posed = [
-        view_of(works[name], doubts.get(name, ())) for name in poses if poses[name] is not None and name not in angles
+        view_of(works[name], sphere_doubts.get(name, ()))
+        for name in poses
+        if poses[name] is not None and name not in angles
     ]
-    on_table = [view_of(works[name], doubts.get(name, ())) for name in angles]
+    on_table = [view_of(works[name], sphere_doubts.get(name, ())) for name in angles]
     registered = (
         register_on_turntable(on_table, list(angles.values()), posed) if angles else register_by_matrices(posed)
     )
-    unposed = [view_of(works[name], doubts.get(name, ())) for name, pose in poses.items() if pose is None]
+    unposed = [view_of(works[name], sphere_doubts.get(name, ())) for name, pose in poses.items() if pose is None]
     return register_unposed(registered, unposed, coarse_model(registered.views)) if unposed else registered
 
 

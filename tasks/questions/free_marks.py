@@ -84,14 +84,24 @@ def highlights_along(held: CaptureQuestions, frame: int | None, points: Sequence
         InputError: there is none, as for the line's first point alone.
     """
     if frame is not None:
-        on_object, highlights = _lit(held, frame), dict[tuple[int, int], Highlight]()
-        for row, column in points:
-            distance = _distances(on_object, row, column)
-            nearest = np.unravel_index(int(distance.argmin()), distance.shape)
-            if distance[nearest] <= CLICK_RADIUS_PX and len(highlights) < MAX_STROKE_MARKS:
-                highlight = _tracked(held, frame, int(nearest[0]), int(nearest[1]))
-                highlights.setdefault((highlight.row, highlight.column), highlight)
-        return list(highlights.values()) or [highlight_in_frame(held, frame, *points[0])]
+        return _of_frame_along(held, frame, points) or [highlight_in_frame(held, frame, *points[0])]
+    return _of_sheet_along(held, points) or highlights_at(held, *points[0])[:1]
+
+
+def _of_frame_along(held: CaptureQuestions, frame: int, points: Sequence[tuple[int, int]]) -> list[Highlight]:
+    """Return the highlights of a frame that a line passes, each once, at most MAX_STROKE_MARKS."""
+    on_object, highlights = _lit(held, frame), dict[tuple[int, int], Highlight]()
+    for row, column in points:
+        distance = _distances(on_object, row, column)
+        nearest = np.unravel_index(int(distance.argmin()), distance.shape)
+        if distance[nearest] <= CLICK_RADIUS_PX and len(highlights) < MAX_STROKE_MARKS:
+            highlight = _tracked(held, frame, int(nearest[0]), int(nearest[1]))
+            highlights.setdefault((highlight.row, highlight.column), highlight)
+    return list(highlights.values())
+
+
+def _of_sheet_along(held: CaptureQuestions, points: Sequence[tuple[int, int]]) -> list[Highlight]:
+    """Return the highlights that show, every STROKE_SPACING_PX along a line, the sheet that it follows."""
     line, normal = list[Highlight](), None
     for row, column in points:
         layers = _layers(held, row, column) if held.candidate_pixels[row, column] else []
@@ -108,7 +118,7 @@ def highlights_along(held: CaptureQuestions, frame: int | None, points: Sequence
         if shown is not None:
             line.append(shown)
             normal = held.clusters.normals[shown.layer, row, column]
-    return line or highlights_at(held, *points[0])[:1]
+    return line
 
 
 def refusal(held: CaptureQuestions, highlight: Highlight, kind: str, marks: tuple[AnnotationEntry, ...]) -> str | None:

@@ -34,12 +34,12 @@ from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import load_registered_views, load_true_mesh, without_steep_normals
 from glint.tasks.model.model import perform_model
 from glint.tasks.model.model_key import STAGE, model_key
-from glint.tasks.pipeline import STAGES, warm_up
+from glint.tasks.pipeline import warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from tests.tasks.make_context import perform_all
 
 o3d: Any = open3d
 """Its annotations refuse tuples and arrays, which it takes."""
@@ -90,11 +90,11 @@ def _seen(view: View, depth: np.ndarray, world: np.ndarray, most: float) -> tupl
     inside = (columns >= 0) & (rows >= 0) & (columns < view.mask.shape[1]) & (rows < view.mask.shape[0])
     row, column = np.where(inside, rows, 0), np.where(inside, columns, 0)
     empty = ~(inside & view.mask[row, column])
-    rotate_to_view = np.nan_to_num(view.normals[row, column, 2])
+    cosine = np.nan_to_num(view.normals[row, column, 2])
     # Along the ray a slanting surface is further away than it is.
-    distance = (world @ view.rotation[2] + view.translation[2] - depth[row, column]) * np.maximum(rotate_to_view, 0.1)
+    distance = (world @ view.rotation[2] + view.translation[2] - depth[row, column]) * np.maximum(cosine, 0.1)
     known = ~empty & np.isfinite(distance) & (distance > -most) & without_steep_normals(view).mask[row, column]
-    weight = np.where(known, np.maximum(np.nan_to_num(view.confidence[row, column]), LEAST) ** 2 * rotate_to_view, 0.0)
+    weight = np.where(known, np.maximum(np.nan_to_num(view.confidence[row, column]), LEAST) ** 2 * cosine, 0.0)
     return np.where(empty, most, np.clip(np.nan_to_num(distance), -most, most)), np.where(empty, 1.0, weight)
 
 
@@ -161,25 +161,20 @@ def _pull(
     right[columns] -= slopes.T @ (weight * rise)
 
 
-def hull_of(views: Sequence[View]) -> Model:
-    """Return the visual hull."""
-    return hull_model(views)
-
-
 def on_hull(views: Sequence[View], depths: Depths) -> Depths:
     """Depth maps shifted to the hull."""
-    hull = hull_of(views)
+    hull = hull_model(views)
     return [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
 
 
 def poisson(views: Sequence[View], depths: Depths) -> Model:
     """Screened Poisson reconstruction of depth maps."""
-    return merge_depth_maps([without_steep_normals(view) for view in views], depths, hull_of(views).cell)
+    return merge_depth_maps([without_steep_normals(view) for view in views], depths, hull_model(views).cell)
 
 
 def fused(views: Sequence[View], depths: Depths) -> Model:
     """TSDF of depth maps, its cells those of the others."""
-    return tsdf(views, depths, hull_of(views).cell)
+    return tsdf(views, depths, hull_model(views).cell)
 
 
 def _ours_seen(views: Sequence[View]) -> tuple[list[View], Depths]:
@@ -191,7 +186,7 @@ def _ours_seen(views: Sequence[View]) -> tuple[list[View], Depths]:
 
 
 WAYS: dict[str, Callable[[Sequence[View], Depths], Model]] = {
-    "visual hull": lambda views, depths: hull_of(views),
+    "visual hull": lambda views, depths: hull_model(views),
     "Poisson, depth maps as they are": poisson,
     "Poisson, shifted to the hull": lambda views, depths: poisson(views, on_hull(views, depths)),
     "Poisson, offsets solved": lambda views, depths: poisson(views, solved(views, on_hull(views, depths), False)),
@@ -225,9 +220,7 @@ def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
     catalogue, store = load_catalogue(made.catalogue), str(folder / "store")
     works = [CaptureContext.of(catalogue, shape, name, store, "run") for name in made.captures]
     for work in works:
-        keys = stage_keys(work, STAGES)
-        for stage in STAGES:
-            perform(work, stage, keys[stage.name])
+        perform_all(work)
     perform_model(works, model_key(works))
     return made.catalogue, store
 

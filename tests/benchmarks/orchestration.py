@@ -21,11 +21,10 @@ from pathlib import Path
 
 from glint.storage.catalogue.loading import Catalogue, Region, load, write
 from glint.tasks.engine.references import CaptureReference
-from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.warm_up import warm_up
 from tests.benchmarks.ratios import line
+from tests.tasks.make_context import perform_all
 
 RUN = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 POOL_BAR, WORKERS_BAR = 1.1, 1.7
@@ -52,10 +51,7 @@ def simulated(folder: Path, captures: int, frames: int, scale: float) -> Path:
 
 def stages_alone(reference: CaptureReference) -> None:
     """Perform all stages of a capture in this process."""
-    work = reference.context()
-    keys = stage_keys(work, STAGES)
-    for stage in STAGES:
-        perform(work, stage, keys[stage.name])
+    perform_all(reference.context())
 
 
 def by_pool(catalogue: Path, store: Path, processes: int) -> float:

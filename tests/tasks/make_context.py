@@ -13,7 +13,7 @@ from glint.tasks.pipeline import BY_NAME, STAGES
 def make_context(
     catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, /, **changed: Any
 ) -> CaptureContext:
-    """The workspace of the catalogue's first capture with some keys changed."""
+    """Return the context of the catalogue's first capture, with some keys of its entry changed."""
     item = load(catalogue).objects[0]
     capture = item.captures[0]
     entry = type(capture).model_validate(capture.model_dump(mode="json") | changed)

@@ -1,15 +1,12 @@
-"""Shaded images of a result: Lambertian N.L of the normals, as in the paper's Figure 8, and the mesh from any side.
-
-Open3D is imported where it casts rays: it is slow to import, and most stages never need it.
-"""
+"""Shaded images of a result: Lambertian N.L of the normals, as in the paper's Figure 8, and the mesh from any side."""
 
 import math
-from typing import Any
 
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.meshing.depth_mesh import Surface
+from glint.tasks.algorithms.meshing.ray_casting import RayScene, interpolated
 
 _THIRD = 1.0 / math.sqrt(3.0)
 RELIGHT_DIRECTIONS = {
@@ -46,29 +43,18 @@ def draw_surface(surface: Surface, azimuth: float = 0.0, elevation: float = 0.0,
             is the camera's own view.
         size: edge of the image in pixels.
     """
-    import open3d as o3d
-
     middle = (surface.vertices.min(axis=0) + surface.vertices.max(axis=0)).astype(float) / 2.0
     radius = float(np.linalg.norm(surface.vertices - middle, axis=1).max())
     right, up, back = _viewer_axes(azimuth, elevation)
     steps = (np.arange(size) - (size - 1) / 2.0) * (FIELD_RADII * radius / size)
     origins = middle + 2.0 * radius * back + steps[None, :, None] * right - steps[:, None, None] * up
-    rays = np.concatenate([origins, np.broadcast_to(-back, origins.shape)], axis=-1).astype(np.float32)
-
-    tensor: Any = o3d.core.Tensor
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(tensor(surface.vertices), tensor(surface.triangles.astype(np.uint32)))
-    hits = scene.cast_rays(tensor(rays), nthreads=1)
-    hit = np.isfinite(hits["t_hit"].numpy())
-
+    hits = RayScene((surface.vertices, surface.triangles)).cast(origins, np.broadcast_to(-back, origins.shape))
+    hit = hits.is_hit
     # Normals are interpolated over the triangles (Phong shading).
-    uv = hits["primitive_uvs"].numpy()[hit].astype(float)
-    corners = surface.normals[surface.triangles[hits["primitive_ids"].numpy()[hit]]].astype(float)
-    weights = np.stack([1.0 - uv.sum(axis=-1), uv[:, 0], uv[:, 1]], axis=-1)
-    normals = unit((corners * weights[..., None]).sum(axis=1))
+    normals = unit(interpolated(surface.normals.astype(float), surface.triangles, hits.triangle[hit], hits.uv[hit]))
     light = unit(-0.5 * right + 0.5 * up + back)
     shade = AMBIENT_SHARE + (1.0 - AMBIENT_SHARE) * np.clip(np.nan_to_num(normals) @ light, 0.0, 1.0)
-    behind = hits["primitive_normals"].numpy()[hit] @ back < 0.0
+    behind = hits.facet_normals[hit] @ back < 0.0
     image = np.full((size, size), 255, np.uint8)
     image[hit] = np.rint(230.0 * np.where(behind, 0.4 * AMBIENT_SHARE, shade)).astype(np.uint8)
     return image

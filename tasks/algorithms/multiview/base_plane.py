@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere, hull_field
 
 SILHOUETTE_RAYS = 240
@@ -61,7 +61,7 @@ def base_evidence(views: Sequence[View]) -> BaseEvidence:
     steps = np.linspace(-radius, radius, RAY_SAMPLES)
     highest, lowest = [], []
     for view, own in zip(views, pixels, strict=True):
-        starts, directions = view.rays(*silhouette_pixels(view.mask, SILHOUETTE_RAYS))
+        starts, directions = view.rays(*view.silhouette_pixels(SILHOUETTE_RAYS))
         along = ((centre - starts) * directions).sum(axis=1)[:, None] + steps
         points = starts[:, None] + along[..., None] * directions[:, None]
         value = field(points.reshape(-1, 3)).reshape(along.shape)

@@ -10,8 +10,9 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
+from glint.tasks.algorithms.meshing.ray_casting import RayScene
 from glint.tasks.algorithms.multiview.mesh import vertex_normals
-from glint.tasks.algorithms.multiview.raycast import MIN_VISIBLE_COSINE, raycasting_scene, visible
+from glint.tasks.algorithms.multiview.raycast import MIN_VISIBLE_COSINE, visible
 from glint.tasks.algorithms.multiview.view import View, sample
 
 MIN_CONFIDENCE = 0.02
@@ -60,7 +61,7 @@ def agreement(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> FusedNormals:
     """Fuse the normals of all views at the vertices (N, 3) of a mesh with triangles (M, 3)."""
-    mesh_normals, scene = vertex_normals(vertices, triangles), raycasting_scene(vertices, triangles)
+    mesh_normals, scene = vertex_normals(vertices, triangles), RayScene((vertices, triangles))
     per_view = np.zeros((len(views), *vertices.shape))
     weights, evidences, confidences = np.zeros((3, *per_view.shape[:2]))
     for number, view in enumerate(views):

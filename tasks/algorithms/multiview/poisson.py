@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.mesh import Model, largest_component, vertex_normals
 from glint.tasks.algorithms.multiview.raycast import raycast
 from glint.tasks.algorithms.multiview.view import View
@@ -35,10 +36,16 @@ def poisson_reconstruction(points: np.ndarray, normals: np.ndarray, cell: float)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points, float)))
     cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, float))
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        # Several threads gain no time here.
-        mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-            cloud, depth=0, width=cell, scale=BOX_SCALE, n_threads=1
-        )
+        try:
+            # Several threads gain no time here.
+            mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+                cloud, depth=0, width=cell, scale=BOX_SCALE, n_threads=1
+            )
+        except RuntimeError as error:
+            # Open3D's answer to points that span no volume, and to none at all.
+            raise UnusableCapture(
+                f"no closed surface runs through {len(points)} points with normals", "check the poses and the masks"
+            ) from error
     return largest_component(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
 
 

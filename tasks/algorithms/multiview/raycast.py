@@ -1,19 +1,11 @@
-"""Ray casting at a model: which vertices a view sees, and the depth and normals that it would show.
-
-Rays are traced by Open3D's RaycastingScene (Embree: Wald, Woop, Benthin, Johnson and Ernst 2014). Open3D takes a second
-to import, for which processes that only name stages need not wait.
-"""
-
-from typing import TYPE_CHECKING
+"""Ray casting at a model: which vertices a view sees, and the depth and normals that it would show."""
 
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
+from glint.tasks.algorithms.meshing.ray_casting import RayScene, interpolated
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.view import View
-
-if TYPE_CHECKING:
-    import open3d as o3d
 
 RAY_OFFSET_PX = 1.5
 """Pixels by which an occlusion ray starts off the surface, so that it does not hit the surface it starts from."""
@@ -21,30 +13,13 @@ MIN_VISIBLE_COSINE = 0.05
 """Smallest cosine between normal and view vector at which a vertex counts as visible."""
 
 
-def raycasting_scene(vertices: np.ndarray, triangles: np.ndarray) -> "o3d.t.geometry.RaycastingScene":
-    """Build a scene of a mesh, vertices (N, 3) and triangles (M, 3), that rays can be cast at."""
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices, np.float32)),
-        o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, np.uint32)),
-    )
-    return scene
-
-
-def visible(
-    scene: "o3d.t.geometry.RaycastingScene", vertices: np.ndarray, normals: np.ndarray, view: View
-) -> np.ndarray:
-    """Return which vertices (N,) bool face a view and are not occluded; normals (N, 3) of the world, unit."""
-    import open3d as o3d
-
+def visible(scene: RayScene, vertices: np.ndarray, normals: np.ndarray, view: View) -> np.ndarray:
+    """Return which vertices (N,) bool face a view and are not occluded by a scene; normals (N, 3), world, unit."""
     view_vectors = view.view_vectors(vertices)
     facing = np.flatnonzero((normals * view_vectors).sum(axis=1) > MIN_VISIBLE_COSINE)
     offset = RAY_OFFSET_PX * view.footprint(vertices[facing])[:, None]
     starts = vertices[facing] + offset * (0.5 * normals[facing] + view_vectors[facing])
-    rays = np.hstack([starts, view_vectors[facing]]).astype(np.float32)
-    is_occluded = scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()
+    is_occluded = scene.occluded(starts, view_vectors[facing])
     is_visible = np.zeros(len(vertices), bool)
     is_visible[facing[~is_occluded]] = True
     return is_visible
@@ -56,23 +31,15 @@ def raycast(model: Model, view: View) -> tuple[np.ndarray, np.ndarray]:
     Depth is the camera frame's z in world units; normals are in the camera frame, unit, n_z >= 0. Both are NaN outside
     the view's mask and where the ray misses the model.
     """
-    import open3d as o3d
-
     rows, columns = np.nonzero(view.mask)
     starts, directions = view.rays(columns, rows)
     if view.matrix is None:
         # The camera frame's origin may lie inside the model: an orthographic ray starts outside its bounding sphere.
         reach = np.linalg.norm(model.vertices, axis=1).max() + np.linalg.norm(view.translation)
         starts = starts - 2.0 * reach * directions
-    rays = np.concatenate([starts, directions], axis=1).astype(np.float32)
-    result = raycasting_scene(model.vertices, model.triangles).cast_rays(o3d.core.Tensor.from_numpy(rays))
-    distance = result["t_hit"].numpy().astype(float)
-    is_hit = np.isfinite(distance)
-    # Interpolate the vertex normals by the barycentric coordinates of the hit.
-    uv = result["primitive_uvs"].numpy()[is_hit].astype(float)
-    corner_normals = model.normals[model.triangles[result["primitive_ids"].numpy()[is_hit]]]
-    weights = np.stack([1.0 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1)
-    hit_normals = (corner_normals * weights[..., None]).sum(axis=1) @ view.rotation.T
+    hits = RayScene((model.vertices, model.triangles)).cast(starts, directions)
+    distance, is_hit = hits.distance.astype(float), hits.is_hit
+    hit_normals = interpolated(model.normals, model.triangles, hits.triangle[is_hit], hits.uv[is_hit]) @ view.rotation.T
     hit_normals[:, 2] = np.maximum(hit_normals[:, 2], 0.0)
     hit_normals /= np.maximum(np.linalg.norm(hit_normals, axis=1, keepdims=True), 1e-9)
     normals = np.full((*view.mask.shape, 3), np.nan, np.float32)

@@ -1,8 +1,9 @@
 """A view: what one capture shows of an object, and the pose of its camera.
 
-World coordinates are those of the poses: on a turntable the axis is y and y = 0 is the frame's centre row. A point X of
-the world is at R X + t in the camera frame (x right, y up, z to the camera). Projection, rays and footprint are those
-of a pinhole or an orthographic camera (Hartley and Zisserman, Multiple View Geometry in Computer Vision, chapter 6).
+World coordinates are those of the poses: on a turntable the axis is y, and y = 0 is the row of the camera's optical
+axis, that of an orthographic camera the frame's centre row. A point X of the world is at R X + t in the camera frame (x
+right, y up, z to the camera). Projection, rays and footprint are those of a pinhole or an orthographic camera (Hartley
+and Zisserman, Multiple View Geometry in Computer Vision, chapter 6).
 The silhouette's signed distance is an exact Euclidean distance transform (Maurer, Qi and Raghavan 2003, as in SciPy).
 """
 
@@ -42,8 +43,7 @@ class SilhouetteDistance:
         Where the mask touches the region's border the object is cropped: its silhouette is continued outwards.
         """
         margin = int(MARGIN_SHARE * max(mask.shape)) + 8
-        is_cropped = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
-        padded = np.pad(mask, margin, mode="edge") if is_cropped else np.pad(mask, margin)
+        padded = np.pad(mask, margin, mode="edge")
         distance = ndimage.distance_transform_edt(~padded) - ndimage.distance_transform_edt(padded)
         # The silhouette runs half-way between the outermost pixels inside and the innermost ones outside.
         distance = ndimage.gaussian_filter(distance - 0.5 * np.sign(distance), STAIRCASE_SIGMA_PX)
@@ -167,6 +167,27 @@ class View:
             starts = np.zeros_like(directions)
         return (starts - self.translation) @ self.rotation, directions @ self.rotation
 
+    def silhouette_pixels(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns and rows (count,) float64 of pixels on the silhouette, ordered around its centroid.
+
+        Where the region's border crops the object, it does not count as silhouette.
+
+        Raises:
+            UnusableCapture: nothing else is left of it, or the mask is empty.
+        """
+        if not self.mask.any():
+            raise UnusableCapture(f"the mask of {self.name} is empty", "correct it")
+        contour = outermost_pixels(self.mask)
+        if not contour.any():
+            raise UnusableCapture(
+                f"the mask of {self.name} fills its region, so that it has no silhouette",
+                "enlarge the region of that capture, or correct its mask",
+            )
+        rows, columns = np.nonzero(contour)
+        order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
+        chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]
+        return columns[chosen].astype(float), rows[chosen].astype(float)
+
     def view_vectors(self, points: np.ndarray) -> np.ndarray:
         """Return the unit vectors (N, 3), world, from points (N, 3) to the camera."""
         if self.matrix is None:
@@ -196,26 +217,6 @@ def sample(values: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndar
     if values.ndim == 3:
         return np.stack([sample(values[..., channel], columns, rows) for channel in range(values.shape[2])], axis=-1)
     return np.asarray(ndimage.map_coordinates(values, [rows, columns], order=1, mode="nearest"))
-
-
-def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns and rows (count,) float64 of pixels on a mask's silhouette, ordered around its centroid.
-
-    Where the region's border crops the object, it does not count as silhouette.
-
-    Raises:
-        UnusableCapture: nothing else is left of it.
-    """
-    contour = outermost_pixels(mask)
-    if not contour.any():
-        raise UnusableCapture(
-            "the mask of a view fills its region, so that it has no silhouette",
-            "enlarge the region of the capture whose mask does, or correct its mask",
-        )
-    rows, columns = np.nonzero(contour)
-    order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
-    chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]
-    return columns[chosen].astype(float), rows[chosen].astype(float)
 
 
 def rotation_about_y(degrees: float) -> np.ndarray:

@@ -8,11 +8,13 @@ Calibration under Circular Motion, TPAMI 2007).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import expit
 
-from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
 RAYS_PER_VIEW = 48
@@ -27,6 +29,10 @@ HINGE_WIDTH_PX = 0.05
 """Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
 COARSE_RAY_SAMPLES, FINE_RAY_SAMPLES = 40, 9
 """Samples along a ray: first through the whole bounding sphere, then around the best."""
+DIFFERENCE_STEP = 0.1
+"""Step of numerical derivatives of what is fitted: degrees, or percent of a size."""
+MAX_EVALUATIONS = 12
+"""Evaluations of the least-squares solver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,30 +68,26 @@ class SilhouetteRays:
         return distances / pixel_sizes[:, None]
 
     def derivatives(
-        self,
-        views_at: Callable[[np.ndarray], Sequence[View]],
-        unknowns: np.ndarray,
-        step: float,
-        pixel_sizes: np.ndarray,
+        self, views_at: Callable[[np.ndarray], Sequence[View]], unknowns: np.ndarray, pixel_sizes: np.ndarray
     ) -> np.ndarray:
         """Return the derivatives (V * R, U) of the robust residuals by U unknowns at which the rays were traced.
 
-        views_at(unknowns): the views that follow from them; step: of the central differences; pixel_sizes: as above.
+        views_at(unknowns): the views that follow from them; pixel_sizes: as above.
         """
         slope = robust_residuals(self.distance)[1]
         columns = []
-        for change in step * np.eye(len(unknowns)):
+        for change in DIFFERENCE_STEP * np.eye(len(unknowns)):
             # The deepest points stay on their rays to first order, so they need not be searched again.
             forward, backward = (
                 self.distances(views_at(unknowns + sign * change), pixel_sizes) for sign in (1.0, -1.0)
             )
-            columns.append(slope * (forward - backward).ravel() / (2 * step))
+            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
         return np.stack(columns, axis=1)
 
 
 def trace_silhouette_rays(views: Sequence[View], rays_per_view: int) -> SilhouetteRays:
     """Trace rays through the silhouette pixels of all views against the silhouettes of the other views."""
-    columns, rows = np.moveaxis(np.array([silhouette_pixels(view.mask, rays_per_view) for view in views]), 1, 0)
+    columns, rows = np.moveaxis(np.array([view.silhouette_pixels(rays_per_view) for view in views]), 1, 0)
     sphere = bounding_sphere(views)
     depth, nearest_view, distance = zip(
         *(_deepest_points(views, number, columns[number], rows[number], sphere) for number in range(len(views))),
@@ -111,6 +113,46 @@ def robust_residuals(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     scale = np.sqrt(2.0 / (root + 1.0))
     residuals = outside * scale / SILHOUETTE_ERROR_PX
     return residuals, expit(flat / HINGE_WIDTH_PX) / (root * scale) / SILHOUETTE_ERROR_PX
+
+
+def fit_silhouettes(
+    views_at: Callable[[np.ndarray], Sequence[View]],
+    scales: np.ndarray,
+    pixel_sizes: np.ndarray,
+    further_residuals: Callable[[np.ndarray], np.ndarray],
+    further_derivatives: np.ndarray,
+) -> tuple[np.ndarray, float]:
+    """Fit unknowns to the coherence of silhouettes and to further residuals, by nonlinear least squares.
+
+    Args:
+        views_at: the views that follow from unknowns (U,), which start at zero, in degrees or percent of a size.
+        scales: (U,), sizes that the unknowns may have.
+        pixel_sizes: (V,), world units of each view's pixels.
+        further_residuals: residuals (P,), linear in the unknowns, such as their priors.
+        further_derivatives: (P, U), of these.
+
+    Returns:
+        The unknowns (U,), and the cost of the fit in nats.
+    """
+
+    # The solver evaluates residuals and derivatives at the same unknowns, one after the other.
+    @lru_cache(maxsize=1)
+    def rays_at(*unknowns: float) -> SilhouetteRays:
+        return trace_silhouette_rays(views_at(np.array(unknowns)), CALIBRATION_RAYS)
+
+    def residuals(unknowns: np.ndarray) -> np.ndarray:
+        distances = rays_at(*unknowns.tolist()).distance
+        return np.concatenate([robust_residuals(distances)[0], further_residuals(unknowns)])
+
+    def jacobian(unknowns: np.ndarray) -> np.ndarray:
+        rays = rays_at(*unknowns.tolist())
+        return np.vstack([rays.derivatives(views_at, unknowns, pixel_sizes), further_derivatives])
+
+    start = np.zeros(len(scales))
+    solution = least_squares(
+        residuals, start, jac=jacobian, x_scale=scales, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4
+    )
+    return solution.x, float(solution.cost)
 
 
 def _deepest_points(

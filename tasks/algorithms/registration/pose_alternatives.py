@@ -104,7 +104,7 @@ def _turntables(views: Sequence[View], table: Turntable) -> Iterator[Alternative
     yield description, _calibrated(views, _exchanged(table.angles, first, second))
     factor = _angle_factor(views, table.angles)
     if abs(factor - 1.0) > MIN_FACTOR_CHANGE:
-        step = float(np.median(np.abs(np.diff(table.angles))))
+        step = float(np.median(np.diff(np.sort(table.angles))))
         description = f"all angles are multiplied by {factor:.2f} (steps of {factor * step:.0f} rather than {step:.0f})"
         yield description, _calibrated(views, factor * table.angles)
 

@@ -12,9 +12,10 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from glint.tasks.algorithms.meshing.ray_casting import RayScene
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.raycast import raycasting_scene, visible
-from glint.tasks.algorithms.multiview.view import View, sample, silhouette_pixels
+from glint.tasks.algorithms.multiview.raycast import visible
+from glint.tasks.algorithms.multiview.view import View, sample
 
 SILHOUETTE_PIXELS = 120
 """Pixels of the silhouette that are compared."""
@@ -70,8 +71,8 @@ class PoseFitter:
     def __init__(self, view: View, model: Model) -> None:
         self.view, self.model = view, model
         self.distance = view.silhouette.distance
-        self.scene = raycasting_scene(model.vertices, model.triangles)
-        self.contour = np.column_stack(silhouette_pixels(view.mask, SILHOUETTE_PIXELS))
+        self.scene = RayScene((model.vertices, model.triangles))
+        self.contour = np.column_stack(view.silhouette_pixels(SILHOUETTE_PIXELS))
         gradient = self.distance.gradient(*self.contour.T)[:, :2] * [1.0, -1.0]
         self.outward = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
 

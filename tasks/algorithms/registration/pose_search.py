@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.pose_fit import SILHOUETTE_PIXELS, PoseFit, PoseFitter
 
 N_VIEW_DIRECTIONS, N_IMAGE_ROTATIONS = 1500, 72
@@ -101,7 +101,7 @@ def _initial_poses(view: View, model: Model) -> list[tuple[np.ndarray, np.ndarra
     """Return up to N_STARTS poses at which the model's support function is most similar to the mask's."""
     azimuth = 2 * np.pi * np.arange(N_IMAGE_ROTATIONS) / N_IMAGE_ROTATIONS
     directions = np.stack([np.cos(azimuth), np.sin(azimuth)])
-    columns, rows = silhouette_pixels(view.mask, 4 * SILHOUETTE_PIXELS)
+    columns, rows = view.silhouette_pixels(4 * SILHOUETTE_PIXELS)
     starts, _ = view.with_pose(np.eye(3), np.zeros(3)).rays(columns, rows)
     mask_support = (starts[:, :2] @ directions).max(axis=0)
     bases = _fibonacci_rotations(N_VIEW_DIRECTIONS)

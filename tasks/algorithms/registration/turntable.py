@@ -8,22 +8,15 @@ upright and the angles near the given ones.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import theilslopes
 
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
-from glint.tasks.algorithms.registration.epipolar_tangency import (
-    CALIBRATION_RAYS,
-    SilhouetteRays,
-    robust_residuals,
-    trace_silhouette_rays,
-)
+from glint.tasks.algorithms.registration.epipolar_tangency import DIFFERENCE_STEP, fit_silhouettes
 from glint.tasks.algorithms.registration.normal_consistency import NormalConsistency, normal_consistency
 
 LEANS_TO_CAMERA_DEG = (0.0, 25.0, -25.0)
@@ -37,19 +30,16 @@ STEP_ERROR = 0.02
 MIN_STEP_DEVIATIONS, MAX_STEP_DEVIATIONS = 1.5, 3.0
 """Corrections of the step beyond which it is wrong, in standard deviations of what single angles make of it: where only
 these may be wrong, and where the step may."""
-DIFFERENCE_STEP = 0.1
-"""Step of numerical derivatives: degrees, or percent of the object's size."""
-MAX_EVALUATIONS = 12
-"""Evaluations of the least-squares solver."""
 
 
 @dataclass(frozen=True, slots=True)
 class Turntable:
     """A turntable's axis in the camera frame, and the angles of its K views.
 
-    offset: world units from the frame's centre to the axis, positive to the right; lean_to_camera, lean_right: degrees
-    by which its upper end leans to the camera and to the right; angles: (K,) degrees. Of V >= K views of an object the
-    first K stand on it; the others have poses of their own in the turntable's world.
+    offset: world units from the camera's optical axis (orthographic: the frame's centre) to the axis, positive to the
+    right; lean_to_camera, lean_right: degrees by which its upper end leans to the camera and to the right; angles: (K,)
+    degrees. Of V >= K views of an object the first K stand on it; the others have poses of their own in the turntable's
+    world.
     """
 
     offset: float
@@ -73,9 +63,14 @@ class Turntable:
         return lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
 
 
+def wrapped(degrees: np.ndarray) -> np.ndarray:
+    """Return angles (...) in -180..180 degrees."""
+    return (degrees + 180.0) % 360.0 - 180.0
+
+
 def relative_turns(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Return by how many degrees each angle (K,) changes, less the turn of the whole turntable: their median."""
-    turns = (after - before + 180.0) % 360.0 - 180.0
+    turns = wrapped(after - before)
     return np.asarray(turns - np.median(turns))
 
 
@@ -88,7 +83,8 @@ def initial_turntable(views: Sequence[View], angles: Sequence[float]) -> Turntab
     centres, radians = [], np.radians(np.asarray(angles, float))
     for view in views:
         columns = np.flatnonzero(view.mask.any(axis=0)) + view.origin[0]
-        centres.append(((columns[0] + columns[-1]) / 2 - (view.frame[0] - 1) / 2) * view.pixel_size)
+        optical_axis = (view.frame[0] - 1) / 2 if view.matrix is None else float(view.matrix[0, 2])
+        centres.append(((columns[0] + columns[-1]) / 2 - optical_axis) * view.pixel_size)
     terms = [np.ones(len(radians))]
     for harmonic in (1, 3):
         if len(radians) >= len(terms) + 3:
@@ -209,31 +205,13 @@ def _calibrate(
     def views_at(unknowns: np.ndarray) -> list[View]:
         return views_on_turntable(views, turntable(unknowns))
 
-    # The solver evaluates residuals and derivatives at the same unknowns, one after the other.
-    @lru_cache(maxsize=1)
-    def rays_at(*unknowns: float) -> SilhouetteRays:
-        return trace_silhouette_rays(views_at(np.array(unknowns)), CALIBRATION_RAYS)
+    def further_residuals(unknowns: np.ndarray) -> np.ndarray:
+        return np.concatenate([prior_weight * (unknowns - prior_mean), matrix @ (unknowns[3:] @ free) + vector])
 
-    def residuals(unknowns: np.ndarray) -> np.ndarray:
-        angle_changes = unknowns[3:] @ free
-        distances = rays_at(*unknowns.tolist()).distance
-        prior = prior_weight * (unknowns - prior_mean)
-        return np.concatenate([robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
-
-    def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        silhouette_rows = rays_at(*unknowns.tolist()).derivatives(views_at, unknowns, DIFFERENCE_STEP, pixel_sizes)
-        normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
-        return np.vstack([silhouette_rows, np.diag(prior_weight), normal_rows])
-
+    normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
     # An angle that is loosely held may need a large step.
     scales = np.concatenate([np.ones(len(AXIS_ERRORS)), 1.0 / precision])
-    solution = least_squares(
-        residuals,
-        np.zeros(len(prior_weight)),
-        jac=jacobian,
-        x_scale=scales,
-        max_nfev=MAX_EVALUATIONS,
-        xtol=1e-4,
-        ftol=1e-4,
+    unknowns, cost = fit_silhouettes(
+        views_at, scales, pixel_sizes, further_residuals, np.vstack([np.diag(prior_weight), normal_rows])
     )
-    return turntable(solution.x), float(solution.cost)
+    return turntable(unknowns), cost

@@ -22,6 +22,7 @@ from glint.tasks.algorithms.registration.turntable import (
     calibrate_turntable,
     relative_turns,
     views_on_turntable,
+    wrapped,
 )
 from glint.tasks.algorithms.registration.view_agreement import USUAL_TOTAL_SHARE, view_agreement
 
@@ -94,7 +95,7 @@ def reject_inconsistent(
             posed = _posed(views, table)
             angle = _fitting_angle(worst, kept, posed, table) if worst < len(table.angles) else None
             if angle is not None:
-                change = angle_difference(float(table.angles[worst]), angle)
+                change = wrapped(angle - table.angles[worst])
                 reason += f"; it would fit at {angle % 360:.1f} degrees, {change:+.1f} from the given angle"
         rejected.append(RejectedView(views[worst].name, reason, angle))
     return kept, rejected
@@ -154,11 +155,6 @@ def _refuse(views: Sequence[View], doubted: Sequence[int], residual: float) -> N
         "check the poses of all views (for a turntable the angles, by their step and direction; for matrices axes and"
         " unit), their masks and their scale",
     )
-
-
-def angle_difference(first: float, second: float) -> float:
-    """Return second minus first in degrees, in -180..180."""
-    return (second - first + 180.0) % 360.0 - 180.0
 
 
 def _mean_residuals(views: Sequence[View], chosen: Sequence[int]) -> np.ndarray:

@@ -10,20 +10,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
-from glint.tasks.algorithms.registration.epipolar_tangency import (
-    CALIBRATION_RAYS,
-    robust_residuals,
-    trace_silhouette_rays,
-)
+from glint.tasks.algorithms.registration.epipolar_tangency import fit_silhouettes
 from glint.tasks.algorithms.registration.turntable import (
     ANGLE_ERROR_DEG,
     AXIS_ERRORS,
-    DIFFERENCE_STEP,
-    MAX_EVALUATIONS,
     Turntable,
     views_on_turntable,
 )
@@ -55,13 +48,12 @@ def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
     factors = np.ones(len(views))
     if len(views) < MIN_SCALED_VIEWS or not free:
         return factors
-    centre = bounding_sphere(views)[0][None]
-    sizes = np.array([view.footprint(centre)[0] for view in views])
-    percent_of_object = bounding_sphere(views)[1] / 50
+    centre, radius = bounding_sphere(views)
+    sizes = np.array([view.footprint(centre[None])[0] for view in views])
+    percent_of_object = radius / 50
     # Unknowns: percent of the scales, then percent of the object's size, and degrees, of the turntable.
-    start, errors = np.zeros(len(free)), np.full(len(free), 100.0 * SCALE_ERROR)
+    errors = np.full(len(free), 100.0 * SCALE_ERROR)
     if table is not None:
-        start = np.append(start, np.zeros(len(AXIS_ERRORS) + on_table))
         errors = np.concatenate([errors, AXIS_ERRORS, np.full(on_table, ANGLE_ERROR_DEG)])
 
     def views_at(unknowns: np.ndarray) -> list[View]:
@@ -72,15 +64,9 @@ def fit_scales(views: Sequence[View], table: Turntable | None) -> np.ndarray:
             return rescaled
         return views_on_turntable(rescaled, table.changed(unknowns[len(free) :], percent_of_object))
 
-    def residuals(unknowns: np.ndarray) -> np.ndarray:
-        distances = trace_silhouette_rays(views_at(unknowns), CALIBRATION_RAYS).distance
-        return np.concatenate([robust_residuals(distances)[0], unknowns / errors])
-
-    def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        rays = trace_silhouette_rays(views_at(unknowns), CALIBRATION_RAYS)
-        return np.vstack([rays.derivatives(views_at, unknowns, DIFFERENCE_STEP, sizes), np.diag(1.0 / errors)])
-
-    solution = least_squares(residuals, start, jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4)
-    factors[free] = np.exp(solution.x[: len(free)] / 100)
+    unknowns, _ = fit_silhouettes(
+        views_at, np.ones(len(errors)), sizes, lambda unknowns: unknowns / errors, np.diag(1.0 / errors)
+    )
+    factors[free] = np.exp(unknowns[: len(free)] / 100)
     largest = np.abs(np.log(factors)).max()
     return factors if MIN_SCALE_CORRECTION < largest < MAX_SCALE_CORRECTION else np.ones(len(views))

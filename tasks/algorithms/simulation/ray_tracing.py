@@ -7,11 +7,10 @@ the light (`renderer`); paths need to be traced only once for all frames.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import open3d as o3d
 
+from glint.tasks.algorithms.meshing.ray_casting import RayScene
 from glint.tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, Solid
 
 REFRACTIVE_INDEX = 1.5
@@ -65,11 +64,7 @@ class Scene:
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         self.solids = list(solids)
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        tensor: Any = o3d.core.Tensor
-        for solid in self.solids:
-            vertices, triangles = solid.vertices.astype(np.float32), solid.triangles.astype(np.uint32)
-            self._scene.add_triangles(tensor(vertices), tensor(triangles))
+        self._scene = RayScene(*((solid.vertices, solid.triangles) for solid in self.solids))
         self._materials = np.array([solid.material for solid in self.solids])
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -79,13 +74,10 @@ class Scene:
             Distance (N,) float64, inf where a ray meets nothing; number of the solid (N,) int64, 0 there; the solid's
             outward normal (N, 3) float64, interpolated over its mesh, 0 there.
         """
-        rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
-        tensor: Any = o3d.core.Tensor
-        hits = self._scene.cast_rays(tensor(rays))
-        distance = hits["t_hit"].numpy().astype(np.float64)
-        hit = np.isfinite(distance)
-        numbers = np.where(hit, hits["geometry_ids"].numpy(), 0).astype(np.int64)
-        triangle, uv = hits["primitive_ids"].numpy().astype(np.int64), hits["primitive_uvs"].numpy()
+        hits = self._scene.cast(origins, directions)
+        distance, hit = hits.distance.astype(np.float64), hits.is_hit
+        numbers = np.where(hit, hits.mesh, 0).astype(np.int64)
+        triangle, uv = hits.triangle.astype(np.int64), hits.uv
         normals = np.zeros((len(origins), 3))
         for number, solid in enumerate(self.solids):
             chosen = hit & (numbers == number)
@@ -108,10 +100,9 @@ class Scene:
         # Interpolated normals are good enough for rendering; the truth takes exact ones where there are any.
         for number, solid in enumerate(self.solids):
             chosen = observed & (numbers == number)
-            if solid.function is not None and chosen.any():
-                triangle = np.zeros(int(chosen.sum()), np.int64)
-                points = origins[chosen] + directions[chosen] * distance[chosen, None]
-                normals[chosen] = solid.normals(points, triangle, np.zeros((len(triangle), 2)))
+            exact = solid.exact_normals(origins[chosen] + directions[chosen] * distance[chosen, None])
+            if exact is not None:
+                normals[chosen] = exact
         normals = np.where((normals * directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
         depth = origins[:, 2] + directions[:, 2] * np.where(observed, distance, 0.0)
         return RenderedTruth(

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, torus, union
+from glint.tasks.algorithms.multiview.view import rotation_about_y
 from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
 from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES, mug, pitcher, tankard
 from glint.tasks.algorithms.simulation.relief import cut_bowl, hobnail_vase, ribbed_bottle
@@ -48,7 +49,7 @@ def build_solids(shape: str, width: int, height: int, turn: float = 0.0, level: 
     """
     solids = untransformed_solids(shape)
     tilt = 0.0 if level else TILT_DEG.get(shape, 0.0)
-    rotation = _rotation_x(tilt) @ _rotation_y(turn)
+    rotation = _rotation_x(tilt) @ rotation_about_y(turn)
     points = np.concatenate([solid.vertices for solid in solids if not solid.inner])
     if level:
         radius = np.hypot(points[:, 0], points[:, 2]).max()
@@ -73,12 +74,6 @@ def _rotation_x(degrees: float) -> np.ndarray:
     """Return the rotation (3, 3) about x: positive angles bring the object's top towards the camera."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-
-
-def _rotation_y(degrees: float) -> np.ndarray:
-    """Return the rotation (3, 3) about the upward axis, counter-clockwise from above."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
 def _revolve_rounded(profile: Sequence[tuple[float, float]], rounding: float) -> Solid:
@@ -133,7 +128,8 @@ def _fish() -> list[Solid]:
     glass = from_implicit(union(parts, 5.0), np.array([-140, -85, -45]), np.array([100, 92, 45]), 1.4)
     low, high = np.array([-30, -16, -12]), np.array([36, 18, 12])
     core = from_implicit(ellipsoid((2, 0, 0), (30, 14, 10)), low, high, 1.4, MATTE)
-    return [glass, _inclusion(core)]
+    # An opaque inclusion is no part of the outer surface.
+    return [glass, replace(core, inner=True)]
 
 
 def _bird() -> list[Solid]:
@@ -194,11 +190,6 @@ def _gem() -> list[Solid]:
             faces = np.vstack([faces, face])
     planes = [(*face, 70.0 + 15.0 * generator.random()) for face in faces]
     return [from_implicit(polyhedron(planes, 2.0), np.full(3, -120.0), np.full(3, 120.0), 2.5)]
-
-
-def _inclusion(solid: Solid) -> Solid:
-    """Return a solid as a coloured inclusion in glass."""
-    return replace(solid, inner=True, colour=(0.75, 0.35, 0.2))
 
 
 _IMPLICIT: dict[str, tuple[Callable[[], ImplicitFunction], Sequence[int], Sequence[int], float]] = {

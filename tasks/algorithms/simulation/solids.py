@@ -29,7 +29,6 @@ class Solid:
     function: implicit function in the solid's own frame; its normals replace those interpolated over the mesh.
     material: GLASS, CHROME or MATTE.
     inner: whether it is a cavity or an inclusion, and so no part of the outer surface.
-    colour: RGB reflectances of a matte solid.
     rotation, offset: (3, 3) and (3,), None for the identity.
     inverted: whether the glass lies outside the solid.
     """
@@ -40,7 +39,6 @@ class Solid:
     function: ImplicitFunction | None = None
     material: int = GLASS
     inner: bool = False
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     rotation: np.ndarray | None = None
     offset: np.ndarray | None = None
     inverted: bool = False
@@ -70,16 +68,10 @@ class Solid:
             return points
         return (points - self.offset) @ self.rotation
 
-    def normals(self, points: np.ndarray, triangles: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """Return unit normals (N, 3) at points (N, 3) on given triangles (N,) with barycentric coordinates uv (N, 2).
-
-        Exact where the solid has an implicit function, interpolated over the mesh otherwise.
-        """
+    def exact_normals(self, points: np.ndarray) -> np.ndarray | None:
+        """Return unit normals (N, 3) at points (N, 3) of the scene, out of the glass; None without a function."""
         if self.function is None:
-            corner = self.vertex_normals[self.triangles[triangles]]
-            weights = np.column_stack([1.0 - uv.sum(axis=1), uv])
-            normals = np.einsum("nkc,nk->nc", corner, weights)
-            return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+            return None
         normals = surface_normals(self.function, self.to_local(points)) * (-1.0 if self.inverted else 1.0)
         return normals if self.rotation is None else normals @ self.rotation.T
 

@@ -30,6 +30,8 @@ def catalogue(tmp_path: Path) -> Path:
     [
         ("maintain --frames-budget lots --store x", "'lots' is not a size", "20GB"),
         ("simulate mug --out x --set noise", "--set noise gives no value", "noise=VALUE"),
+        ("simulate mug --out x --set noise=loud", "noise=loud: Input should be a valid number", "--help"),
+        ("simulate mug --out x --seed -1", "seed=-1 cannot be simulated", "--help"),
         ("deploy --inbox nowhere --store x", "nowhere is not a folder", "create it"),
         ("deploy --inbox catalogue.yaml --store x", "catalogue.yaml is not a folder", "create it"),
         ("deploy --inbox-may-read nowhere --store x", "--inbox-may-read", "create it"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import load
+from glint.storage.inputs.masks_and_truth import read_truth
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.evaluation.evaluate_run import evaluate_captures, evaluate_models
 from tests.tasks.make_context import make_context
@@ -26,6 +27,23 @@ def test_an_unusable_truth_does_not_stop_the_others(simulated: Path, performed: 
     misnamed = sound.capture.model_copy(update={"truth": "http://host/truth"})
     _, faults = evaluate_captures([replace(sound, capture=misnamed)], lambda name, message: None)
     assert "http:// are not supported" in faults[sound.name].message
+
+
+def test_a_truth_beside_the_observed_pixels_is_named(simulated: Path, performed: Path, tmp_path: Path) -> None:
+    shutil.copytree(performed, tmp_path / "store")
+    context = make_context(simulated, tmp_path / "store")
+    assert context.capture.truth is not None
+    truth = read_truth(context.capture.truth)
+    assert truth.normals is not None and truth.depth is not None
+    observed = (context.load("clusters").read("observations") > 0) & context.load("mask").read("mask")
+    np.save(tmp_path / "normals.npy", np.where(observed[..., None], np.nan, truth.normals))
+    beside = replace(context, capture=context.capture.model_copy(update={"truth": str(tmp_path)}))
+    evaluations, faults = evaluate_captures([beside], lambda name, message: None)
+    assert not evaluations and "no true normal" in faults[context.name].message
+    np.save(tmp_path / "normals.npy", truth.normals)
+    np.save(tmp_path / "depth.npy", np.full_like(truth.depth, np.nan))
+    evaluations, faults = evaluate_captures([beside], lambda name, message: None)
+    assert not evaluations and "no true depth" in faults[context.name].message
 
 
 def test_an_unusable_true_model_is_named_like_a_truth_of_a_capture(simulated: Path, tmp_path: Path) -> None:

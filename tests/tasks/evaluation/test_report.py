@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore
 from glint.tasks.algorithms.evaluation.metrics import LabelErrors, NormalErrors
 from glint.tasks.evaluation.captures import METHODS, Evaluation, MethodErrors
-from glint.tasks.evaluation.report import capture_tables
+from glint.tasks.evaluation.models import MODEL_METHODS, ModelEvaluation
+from glint.tasks.evaluation.report import capture_tables, model_table
 
 
 def evaluation(name: str, confident: float, right: float, labels: LabelErrors) -> Evaluation:
@@ -24,3 +26,12 @@ def test_a_share_of_nothing_is_left_empty() -> None:
     assert "| nothing/front |  |  |  | 0% |  |  |  |" in tables
     assert "| much/front |  |  |  | 50% | 97.1% | 99.0% | 90.0% |" in tables
     assert "nan" not in tables
+
+
+def test_a_baseline_that_gives_no_surface_has_no_row() -> None:
+    score = ModelScore(0.01, 0.02, 0.015, (0.5, 0.75), 0.97, True)
+    first, second, stored = MODEL_METHODS
+    lines = model_table([ModelEvaluation("duck", {first: score, stored: score}, 6, ("left",), 800, 2.5)]).splitlines()
+    assert f"| duck | 6 | left | {first} | 0.500 / 0.750 | 1.50% (1.00%, 2.00%) | 0.970 | yes |  |  |" in lines
+    assert f"| duck | 6 | left | {stored} | 0.500 / 0.750 | 1.50% (1.00%, 2.00%) | 0.970 | yes | 800 | 2.5 |" in lines
+    assert not any(second in line for line in lines)

@@ -7,7 +7,7 @@ import pytest
 
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.turntable import Turntable
-from glint.tasks.model.corrections import correction_warnings
+from glint.tasks.model.corrections import corrected_views, correction_warnings
 from tests.tasks.algorithms.multiview.figurine import body, views_of
 
 GIVEN = np.array([0.0, 90.0, 180.0, 270.0])
@@ -57,3 +57,10 @@ def test_a_large_correction_of_a_scale_names_the_view(registered: RegisteredView
     scaled = replace(registered, turntable=None, scale_factors={"left": 1.004, "right": 0.972})
     (message,) = (warning.message for warning in correction_warnings(scaled))
     assert message.startswith("the scale of right was corrected by -2.8%")
+
+
+def test_views_count_as_corrected_by_their_scale_or_their_angle(registered: RegisteredViews) -> None:
+    first, second, *_ = (view.name for view in registered.views)
+    table = Turntable(0.0, 0.0, 0.0, GIVEN + np.array([0.0, 7.3, 0.0, 0.0]))
+    both = replace(registered, turntable=table, scale_factors={first: 0.97})
+    assert corrected_views(both) == {first, second} and not corrected_views(registered)

@@ -16,17 +16,17 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.engine.stage import StageOutput, perform, stage_keys
+from glint.tasks.engine.stage import StageOutput
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.evaluation.models import evaluate_model
 from glint.tasks.model.base_plane import BasePlane, base_plane
 from glint.tasks.model.model import model, perform_model
 from glint.tasks.model.model_key import STAGE, model_key, wants_model, with_rollbacks
 from glint.tasks.model.view_registration import register_views
-from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.up_to_date import up_to_date_records
+from tests.tasks.make_context import perform_all
 
 VIEWS = 6
 
@@ -52,9 +52,7 @@ def works(tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
     store = str(folder / "store")
     works = [CaptureContext.of(catalogue, "fish", name, store, "run") for name in made.captures]
     for work in works:
-        keys = stage_keys(work, STAGES)
-        for stage in STAGES:
-            perform(work, stage, keys[stage.name])
+        perform_all(work)
     return works
 
 

@@ -8,7 +8,7 @@ import pytest
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
-from glint.tasks.model.pose_doubts import pose_doubts, with_doubts
+from glint.tasks.model.pose_doubts import doubted_model, pose_doubts, with_doubts
 from tests.tasks.algorithms.multiview.figurine import body, true_model, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)
@@ -39,6 +39,15 @@ def test_right_poses_are_not_doubted() -> None:
     registered = registered_at(ANGLES)
     doubts = pose_doubts(registered, true_model(body()))
     assert not doubts.warnings and (doubts.trust == 1.0).all()
+
+
+@pytest.mark.parametrize("max_triangles", [None, 300])
+def test_right_poses_are_known_of_a_reduced_model_too(max_triangles: int | None) -> None:
+    """300 triangles have 20 vertices that two neighbouring views show."""
+    registered = registered_at(ANGLES)
+    model, doubts = doubted_model(true_model(body()), registered.views, registered, max_triangles)
+    assert not doubts.warnings and (doubts.trust == 1.0).all()
+    assert max_triangles is None or len(model.triangles) <= max_triangles
 
 
 def test_views_that_share_nothing_are_not_confirmed() -> None:

@@ -9,7 +9,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, ellipsoid, surface_nets
 from glint.tasks.algorithms.multiview.mesh import face_normals
 from glint.tasks.algorithms.multiview.mesh_refinement import refine_mesh
-from glint.tasks.algorithms.multiview.raycast import raycast, raycasting_scene
+from glint.tasks.algorithms.multiview.raycast import raycast
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.turntable import Turntable
 from tests.tasks.algorithms.multiview.figurine import true_model, views_of
@@ -51,7 +51,9 @@ def views(winged: trimesh.Trimesh) -> list[View]:
 def sunk(vertices: np.ndarray, winged: trimesh.Trimesh) -> float:
     """Return the mean distance by which the wing's upper half lies below its true surface."""
     points = np.asarray(winged.vertices)[wing_height(np.asarray(winged.vertices)) > 2.5]
-    scene = raycasting_scene(vertices, np.asarray(winged.faces))
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    corners, triangles = vertices.astype(np.float32), np.asarray(winged.faces, np.uint32)
+    scene.add_triangles(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(triangles))
     return float(scene.compute_signed_distance(o3d.core.Tensor.from_numpy(points.astype(np.float32))).numpy().mean())
 
 

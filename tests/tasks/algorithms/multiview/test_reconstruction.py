@@ -242,6 +242,11 @@ def test_views_without_a_common_point(upright: list[View]) -> None:
         reconstruct_surface([upright[0], moved])
 
 
+def test_depth_maps_without_any_depth(upright: list[View]) -> None:
+    with pytest.raises(UnusableCapture, match="no closed surface runs through 0 points"):
+        merge_depth_maps(upright[:2], [np.full(FRAME[::-1], np.nan)] * 2, 1.0)
+
+
 def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     """Through a camera matrix rays, projection and footprint agree."""
     matrix = np.array([[400.0, 0.0, 47.5], [0.0, 400.0, 47.5], [0.0, 0.0, 1.0]])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.multiview.view import SilhouetteDistance, rotation_about_y, silhouette_pixels
+from glint.tasks.algorithms.multiview.view import SilhouetteDistance, rotation_about_y
 from tests.tasks.algorithms.multiview.figurine import full_view
 
 
@@ -28,7 +28,7 @@ def test_a_cropped_object_continues_outside_the_region() -> None:
     mask = disc(20.0)[:, :40]
     distance = SilhouetteDistance.from_mask(mask)
     assert distance.at(np.array([50.0]), np.array([31.5]))[0] < -5.0
-    columns, _ = silhouette_pixels(mask, 40)
+    columns, _ = full_view("view").with_mask(mask).silhouette_pixels(40)
     assert mask[:, 39].sum() == 38 and (columns == 39).sum() == 2, "only where the silhouette meets the border"
 
 
@@ -40,8 +40,11 @@ def test_the_distance_is_computed_once() -> None:
 
 
 def test_an_object_that_fills_its_region_has_no_silhouette() -> None:
-    with pytest.raises(UnusableCapture, match="fills its region"):
-        silhouette_pixels(np.ones((40, 40), bool), 40)
+    view = full_view("front-3")
+    with pytest.raises(UnusableCapture, match="the mask of front-3 fills its region"):
+        view.silhouette_pixels(40)
+    with pytest.raises(UnusableCapture, match="the mask of front-3 is empty"):
+        view.with_mask(np.zeros_like(view.mask)).silhouette_pixels(40)
 
 
 SKEWED = np.array([[400.0, 12.0, 45.0], [0.0, 380.0, 50.0], [0.0, 0.0, 1.0]])

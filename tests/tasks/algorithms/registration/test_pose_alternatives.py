@@ -86,9 +86,10 @@ def test_a_turntable_that_turned_the_other_way_is_recognized(on_table: list[View
 
 
 @pytest.mark.long
-def test_another_step_of_the_turntable_is_refused_with_the_right_one(on_table: list[View]) -> None:
+@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4, 5, 6, 7], [0, 4, 2, 6, 1, 5, 3, 7]])
+def test_another_step_of_the_turntable_is_refused_with_the_right_one(on_table: list[View], order: list[int]) -> None:
     with pytest.raises(UnusableCapture, match="contradict") as caught:
-        register_on_turntable(on_table, (ANGLES * 30.0 / 45.0).tolist())
+        register_on_turntable([on_table[number] for number in order], (ANGLES[order] * 30.0 / 45.0).tolist())
     assert "all angles are multiplied by 1.5" in caught.value.remedy
     assert "(steps of 45 rather than 30)" in caught.value.remedy
 

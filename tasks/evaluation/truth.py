@@ -1,0 +1,36 @@
+"""The ground truth of a capture, as its evaluations read it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.engine.capture_context import CaptureContext
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureTruth:
+    """Ground truth of a capture's region.
+
+    normals: (H, W, 3) float32, unit, camera frame, NaN outside the object; depth: (H, W) float32 towards the camera in
+    pixels, NaN outside, None if it is not given.
+    """
+
+    normals: np.ndarray
+    depth: np.ndarray | None
+
+
+def load_truth(work: CaptureContext, shape: tuple[int, ...]) -> CaptureTruth | None:
+    """Read the ground truth of a capture whose region has a shape (H, W); None where it has no true normals.
+
+    Raises:
+        InputError: it is malformed, or of another region.
+    """
+    if work.capture.truth is None:
+        return None
+    truth = read_truth(work.capture.truth, shape)
+    if truth.normals is None:
+        return None
+    # Many data sets hold zeros outside the object.
+    is_outside = (truth.normals == 0.0).all(axis=-1, keepdims=True)
+    return CaptureTruth(np.where(is_outside, np.float32(np.nan), truth.normals), truth.depth)

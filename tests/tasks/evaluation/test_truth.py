@@ -1,0 +1,47 @@
+"""Ground truth of captures: pixels outside the object may hold NaN or zeros."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.storage.errors import InputError
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.evaluation.truth import load_truth
+from tests.tasks.make_context import make_context
+
+
+@pytest.fixture
+def context(simulated: Path, tmp_path: Path) -> CaptureContext:
+    """A capture whose truth is in a folder of its own, to be changed."""
+    context = make_context(simulated, tmp_path / "store")
+    assert context.capture.truth is not None
+    truth, folder = read_truth(context.capture.truth), tmp_path / "truth"
+    folder.mkdir()
+    assert truth.normals is not None and truth.depth is not None
+    np.save(folder / "normals.npy", truth.normals)
+    np.save(folder / "depth.npy", truth.depth)
+    return replace(context, capture=context.capture.model_copy(update={"truth": str(folder)}))
+
+
+def test_zeros_are_outside_the_object_like_nan(context: CaptureContext) -> None:
+    path = Path(str(context.capture.truth)) / "normals.npy"
+    normals = np.load(path)
+    np.save(path, np.nan_to_num(normals))
+    truth = load_truth(context, normals.shape[:2])
+    assert truth is not None and truth.depth is not None
+    assert np.isnan(normals).any() and np.array_equal(truth.normals, normals, equal_nan=True)
+
+
+def test_without_true_normals_nothing_is_judged(context: CaptureContext) -> None:
+    shape = np.load(Path(str(context.capture.truth)) / "depth.npy").shape
+    (Path(str(context.capture.truth)) / "normals.npy").unlink()
+    assert load_truth(context, shape) is None
+    assert load_truth(replace(context, capture=context.capture.model_copy(update={"truth": None})), shape) is None
+
+
+def test_normals_of_another_region_are_refused(context: CaptureContext) -> None:
+    with pytest.raises(InputError, match=r"normals\.npy has shape"):
+        load_truth(context, (3, 4))
