@@ -107,13 +107,14 @@ class Measured:
     """Results of a capture beside the truth.
 
     work: performed up to its labels. error (H, W): degrees between resulting and true normals, NaN beside the object.
-    mask, confident (H, W) bool.
+    mask, confident (H, W) bool. truth (H, W, 3): true normals, camera frame, NaN beside the object.
     """
 
     work: CaptureContext
     error: np.ndarray
     mask: np.ndarray
     confident: np.ndarray
+    truth: np.ndarray
 
     @property
     def mean_error(self) -> float:
@@ -145,8 +146,9 @@ def measure(capture: Capture, store: Path, parameters: Parameters | None = None)
     frame = np.full((height, width, 3), np.nan)
     frame[capture.region.rows, capture.region.columns] = given
     region = load_geometry(work).region
-    error = angles(labels.read("normals"), frame[region.rows, region.columns])
-    return Measured(work, error, mask, mask & (labels.read("confidence") >= CONFIDENT))
+    truth = frame[region.rows, region.columns]
+    is_confident = mask & (labels.read("confidence") >= CONFIDENT)
+    return Measured(work, angles(labels.read("normals"), truth), mask, is_confident, truth)
 
 
 def outcome(measured: Measured) -> str:
