@@ -24,6 +24,9 @@ export function addStyleSheets(...addresses) {
 /** How long a message that is no error is shown, in milliseconds. */
 const MESSAGE_MS = 5000;
 
+/** Said where saving would change nothing. */
+export const NOTHING_CHANGED = "There is nothing to save.";
+
 /** Shows a message near the bottom; errors stay until the next one, or until a person closes them. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");

@@ -3,8 +3,9 @@
 import { guardLeaving } from "../leaving.js";
 
 export class History {
-  constructor(changed) {
-    this.changed = changed;
+  /** changed: called after every step; isChanged: whether the steps together have changed anything. */
+  constructor(changed, isChanged) {
+    Object.assign(this, { changed, isChanged });
     this.clear();
   }
 
@@ -15,7 +16,7 @@ export class History {
   }
 
   get isDirty() {
-    return this.done.length > 0;
+    return this.done.length > 0 && this.isChanged();
   }
 
   /** Whether nothing is unsaved, or a person agrees to lose it. */

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, announceError, element, guarded, moment } from "../dom.js";
+import { NOTHING_CHANGED, announce, announceError, element, guarded, moment } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -10,7 +10,7 @@ export class SavePanel {
     this.author = new Author("change");
     this.button = element("button", { type: "button", onclick: () => this.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
     this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.undo() }, "Undo");
-    this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
+    this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
     this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict);
@@ -32,11 +32,14 @@ export class SavePanel {
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
   }
 
-  /** Saves what was changed; returns whether it is saved. */
+  /** Saves what was changed; returns whether nothing is left to be saved. */
   async save(base = this.view.edits.revision) {
     this.view.spheres.finish();
     this.view.mask.end();
-    if (!this.view.history.isDirty) return true;
+    if (!this.view.history.isDirty) {
+      announce(NOTHING_CHANGED);
+      return true;
+    }
     const author = this.author.name;
     if (!author) return false;
     return this.finish("Saved.", async () => {
