@@ -12,7 +12,7 @@ from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.snapshots import index_errors
-from glint.storage.versions.stage_results import check_name
+from glint.storage.versions.stages.names import check_name
 from glint.storage.versions.transaction import repository_folder
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.model.model_key import with_rollbacks
