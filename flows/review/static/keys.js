@@ -15,7 +15,7 @@ export function bind(keys, signal) {
     "keydown",
     (event) => {
       if (event.altKey) return;
-      const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
+      const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + keyOf(event);
       const field = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
       if (field && (name !== SAVE || field.matches("dialog"))) return;
       if (SLIDING.test(event.key) && event.target.matches?.("input[type=range]") && !event.target.closest(".timeline")) return;
@@ -29,6 +29,13 @@ export function bind(keys, signal) {
     },
     { signal },
   );
+}
+
+/** Returns the key as it would be without Caps Lock, which turns no other than letters. */
+function keyOf(event) {
+  const { key } = event;
+  if (key.length > 1 || !event.getModifierState("CapsLock")) return key;
+  return key === key.toLowerCase() ? key.toUpperCase() : key.toLowerCase();
 }
 
 /** Lists the keys. */

@@ -81,7 +81,10 @@ class InputsView {
     const warnings = this.inputs.warnings.map((warning) =>
       element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message, " ", this.toolFor(warning.cause)));
     const { verdict } = this.inputs;
-    return element("section", {}, element("h2", {}, verdict ? `Verdict: ${verdict}` : "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+    const [word, ...reason] = verdict?.split(": ") ?? [];
+    // Its reason is mostly the first warning's.
+    const isSaid = this.inputs.warnings.some(({ message }) => message.startsWith(reason.join(": ")));
+    return element("section", {}, element("h2", {}, verdict ? `Verdict: ${isSaid ? word : verdict}` : "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
   }
 
   /** Returns the button of the tool that corrects what a warning is about, null where none does. */
