@@ -185,6 +185,18 @@ def test_arrow_keys_move_the_slider_and_space_the_box_that_has_the_focus(tab: Ta
     page.wait_for_selector("[data-shown$='frame?number=1']")
 
 
+def test_keys_reach_the_view_from_a_choice_that_was_clicked(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "surface"), "[aria-label=Version]")
+    tab.wait("globalThis.glint.ready.then(() => true)")
+    page.click("input[value=matte]")
+    page.keyboard.press("c")
+    assert page.is_checked("input[value=confidence]")
+    page.focus("input[value=matte]")
+    page.keyboard.press("ArrowRight")
+    assert page.is_checked("input[value=glossy]"), "the arrow keys belong to the choice"
+    settle(tab)
+
+
 def test_the_list_of_keys_is_that_of_the_view(tab: Tab) -> None:
     page = tab.open(INPUTS, READY)
     tab.open(VERSIONS, ".versions .divider")
