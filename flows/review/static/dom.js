@@ -24,9 +24,6 @@ export function addStyleSheets(...addresses) {
 /** How long a message that is no error is shown, in milliseconds. */
 const MESSAGE_MS = 5000;
 
-/** Said where saving would change nothing. */
-export const NOTHING_CHANGED = "There is nothing to save.";
-
 /** Shows a message near the bottom; errors stay until the next one, or until a person closes them. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");
@@ -35,6 +32,12 @@ export function announce(text, kind = "") {
   status.textContent = text;
   clearTimeout(announce.timer);
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
+}
+
+/** Says that saving would change nothing, unless a value that was just refused is why. */
+export function announceNothingChanged() {
+  const { className, textContent } = document.getElementById("status");
+  if (className !== "error" || !textContent) announce("There is nothing to save.");
 }
 
 /** Announces why something has failed, unless it was given up because its view was left. */

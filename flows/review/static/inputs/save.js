@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { NOTHING_CHANGED, announce, announceError, element, guarded, moment } from "../dom.js";
+import { announce, announceError, announceNothingChanged, element, guarded, moment } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -37,7 +37,7 @@ export class SavePanel {
     this.view.spheres.finish();
     this.view.mask.end();
     if (!this.view.history.isDirty) {
-      announce(NOTHING_CHANGED);
+      announceNothingChanged();
       return true;
     }
     const author = this.author.name;

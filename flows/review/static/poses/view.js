@@ -2,7 +2,7 @@
 
 import { ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { NOTHING_CHANGED, addStyleSheets, announce, announceError, element } from "../dom.js";
+import { addStyleSheets, announce, announceError, announceNothingChanged, element } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
@@ -112,7 +112,7 @@ class PosesView {
 
   async saveAll() {
     if (!this.history.isDirty) {
-      announce(NOTHING_CHANGED);
+      announceNothingChanged();
       return true;
     }
     const author = this.author.name;
