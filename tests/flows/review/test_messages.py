@@ -214,3 +214,8 @@ def test_a_value_that_is_refused_is_told_also_where_it_was_to_be_saved(tab: Tab)
     page.fill("[aria-label^='Matrix from camera']", "1 0 0 5\n0 1 0 0\n0 0 1 0\n0 0 0 1")
     page.keyboard.press("Tab")
     tab.wait(f"{STATUS} === ''")
+
+
+def test_an_address_of_no_view_opens_the_inputs_in_their_tab(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "imputs"), READY)
+    assert page.inner_text("#tabs [aria-current=page]") == "Inputs"
