@@ -216,6 +216,25 @@ def test_a_value_that_is_refused_is_told_also_where_it_was_to_be_saved(tab: Tab)
     tab.wait(f"{STATUS} === ''")
 
 
+def test_what_was_not_taken_is_told_where_the_rest_is_saved(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.25")
+    page.fill("[aria-label='Focal length in pixels']", "-5")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS} === 'Saved, except: \"Focal length in pixels\" cannot be -5: it must be more than 0.'")
+    page.click("text=take back")
+    tab.wait(f"{STATUS} === 'Taken back.'")
+    tab.open(INPUTS.replace("inputs", "poses"), ".plan .camera")
+    page.select_option("[aria-label='Pose of front']", "turntable")
+    page.fill("[aria-label='Degrees of front']", "50000")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS}.startsWith('Saved, except: \"Degrees of front\" cannot be 50000')")
+    page.select_option("[aria-label='Pose of front']", "")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS} === 'Saved.'")
+
+
 def test_an_address_of_no_view_opens_the_inputs_in_their_tab(tab: Tab) -> None:
     page = tab.open(INPUTS.replace("inputs", "imputs"), READY)
     assert page.inner_text("#tabs [aria-current=page]") == "Inputs"

@@ -1,7 +1,7 @@
 // The camera's perspective, with its principal point on the picture, and the pose of the view, with a turntable's angle.
 
 import { addressOf } from "../api.js";
-import { POSITIVE, announce, element, isEmptied, typedNumber, withdraw } from "../dom.js";
+import { POSITIVE, element, isEmptied, refuse, typedNumber, withdraw } from "../dom.js";
 import { POSE_KINDS, TURN, kindOf, poseOf, turnBetween } from "../poses/pose.js";
 import { Konva } from "../vendor.js";
 import { EditedValue } from "./edited_value.js";
@@ -176,7 +176,7 @@ export class PoseLayer extends EditedValue {
     if (isMatrix) {
       withdraw(MATRIX_RULE);
       this.typed({ camera_to_world: rows });
-    } else announce(MATRIX_RULE, "error");
+    } else refuse(MATRIX_RULE);
   }
 }
 

@@ -1,6 +1,6 @@
 // The region's rectangle, and the scale as a line of known length.
 
-import { POSITIVE, announce, element, isEmptied, typedNumber, withdraw } from "../dom.js";
+import { POSITIVE, element, isEmptied, refuse, typedNumber, withdraw } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { EditedValue } from "./edited_value.js";
 
@@ -90,7 +90,7 @@ export class RegionLayer extends EditedValue {
       this.typed(next);
       return;
     }
-    announce(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
+    refuse(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`);
     this.show();
   }
 
@@ -174,7 +174,7 @@ export class ScaleLayer extends EditedValue {
   typedLength() {
     const length = isEmptied(this.length) ? null : typedNumber(this.length, ...POSITIVE);
     if (length === null) this.show();
-    else if (!this.pixels) announce("Draw the line on the picture with Scale, or type the millimetres of a pixel.", "error");
+    else if (!this.pixels) refuse("Draw the line on the picture with Scale, or type the millimetres of a pixel.");
     else this.typed(Number((length / this.pixels).toPrecision(6)));
   }
 

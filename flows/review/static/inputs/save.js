@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, announceError, announceNothingChanged, element, guarded, moment } from "../dom.js";
+import { announce, announceError, announceNothingChanged, announceSaved, element, guarded, moment, shownRefusal } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -42,21 +42,22 @@ export class SavePanel {
     }
     const author = this.author.name;
     if (!author) return false;
-    return this.finish("Saved.", async () => {
+    const refusal = shownRefusal();
+    return this.finish(() => announceSaved(refusal), async () => {
       const changes = await this.view.changes();
       if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
     });
   }
 
-  /** Sends something and shows what is saved then; returns whether it is saved. */
-  async finish(words, send) {
+  /** Sends something, shows what is saved then, and says so by `confirmed`; returns whether it is saved. */
+  async finish(confirmed, send) {
     // What is painted meanwhile would be neither saved nor kept.
     this.view.lock(true);
     let failure = null;
     try {
       await send();
       await this.refresh();
-      announce(words);
+      confirmed();
     } catch (error) {
       failure = error;
     } finally {
@@ -90,6 +91,6 @@ export class SavePanel {
   async takeBack(revision) {
     const author = this.author.name;
     if (!author || !this.view.history.mayLose()) return;
-    await this.finish("Taken back.", () => ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } }));
+    await this.finish(() => announce("Taken back."), () => ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } }));
   }
 }

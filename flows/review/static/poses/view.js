@@ -2,7 +2,7 @@
 
 import { ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { addStyleSheets, announce, announceError, announceNothingChanged, element } from "../dom.js";
+import { addStyleSheets, announceError, announceNothingChanged, announceSaved, element, shownRefusal } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
@@ -117,6 +117,7 @@ class PosesView {
     }
     const author = this.author.name;
     if (!author) return false;
+    const refusal = shownRefusal();
     const conflicts = [], focused = document.activeElement;
     // What is turned meanwhile would be neither saved nor kept.
     this.root.inert = true;
@@ -127,7 +128,7 @@ class PosesView {
       }
       this.take(await ask(`${this.path}/poses`, { signal: this.signal }));
       this.history.clear();
-      if (!conflicts.length) announce("Saved.");
+      if (!conflicts.length) announceSaved(refusal);
     } catch (error) {
       announceError(error);
       return false;
