@@ -134,8 +134,8 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
-        if said := own_words(first):
-            return refusal(422, *said)
+        if words := own_words(first):
+            return refusal(422, *words)
         place = ".".join(str(part) for part in first["loc"])
         fault = first["msg"] if first["type"] in ("missing", "json_invalid") else fault_of(first)
         return refusal(422, f"{place}: {fault}", "send what /api/openapi.json describes")

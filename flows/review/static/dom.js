@@ -43,6 +43,11 @@ export function shownRefusal() {
   return refusal;
 }
 
+/** Has the last refusal count no longer: a person has seen it, and gone on. */
+export function forgetRefusal() {
+  refusal = "";
+}
+
 /** Shows a message near the bottom; errors stay until the next one, or until a person closes them. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");

@@ -1,5 +1,6 @@
 // Undo and redo of what is done on the page before it is saved.
 
+import { forgetRefusal } from "../dom.js";
 import { guardLeaving } from "../leaving.js";
 
 export class History {
@@ -31,6 +32,7 @@ export class History {
 
   /** Notes a step that has been taken: {undo, redo}. */
   add(step) {
+    forgetRefusal();
     this.done.push(step);
     this.undone = [];
     this.changed();
