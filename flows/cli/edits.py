@@ -144,10 +144,15 @@ def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None
 def _print_current(opened: "Edits", capture: str, as_json: bool) -> None:
     """Print which fields are edited, by whom, and the notes."""
     from glint.flows.cli.tables import show, table_of
+    from glint.storage.errors import DamagedError
 
-    rows, notes = [], []
+    rows, notes, damages = [], [], []
     for name in [capture] if capture else opened.captures():
-        current = opened.current(name)
+        try:
+            current = opened.current(name)
+        except DamagedError as error:
+            damages.append(error)
+            continue
         for field in current.edited:
             change = current.changes[field]
             moment = change.time.isoformat(timespec="seconds")
@@ -157,10 +162,14 @@ def _print_current(opened: "Edits", capture: str, as_json: bool) -> None:
     if as_json:
         print_lines({"kind": "edited", **row} for row in rows)
         print_lines({"kind": "note", **note} for note in notes)
-        return
-    show(table_of(rows, "nothing is edited"))
-    for note in notes:
+    elif rows or not damages:
+        show(table_of(rows, "nothing is edited"))
+    for note in [] if as_json else notes:
         echo(f"{note['capture']}: {note['author']}, {note['time'][:16]}: {note['text']}")
+    for damage in damages[:-1]:
+        echo(f"{damage.message}\n  -> {damage.remedy}", colour="red", err=True)
+    if damages:
+        raise damages[-1]
 
 
 def _required(capture: str, name: str) -> str:

@@ -30,7 +30,7 @@ from glint.flows.review import (
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.remedies import on_page
 from glint.flows.review.review import Review
-from glint.storage.catalogue.messages import fault_of
+from glint.storage.catalogue.messages import fault_of, own_words
 from glint.storage.errors import GlintError, NotFoundError, StoreUnreachable
 from glint.storage.export.page.bundle import VIEWER
 from glint.tasks.engine.errors import UnusableCapture
@@ -134,6 +134,8 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
+        if words := own_words(first):
+            return refusal(422, *words)
         place = ".".join(str(part) for part in first["loc"])
         fault = first["msg"] if first["type"] in ("missing", "json_invalid") else fault_of(first)
         return refusal(422, f"{place}: {fault}", "send what /api/openapi.json describes")

@@ -7,7 +7,9 @@ from fastapi import APIRouter
 from glint.flows.review.dependencies import ObjectId, ReviewState
 from glint.flows.review.review import Review
 from glint.flows.review.runs import run_json
-from glint.storage.errors import NotFoundError
+from glint.storage.catalogue.models import Pose
+from glint.storage.edits.edits import Edits
+from glint.storage.errors import DamagedError, NotFoundError
 
 router = APIRouter(prefix="/objects/{object_id}")
 
@@ -17,16 +19,16 @@ def poses(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
     """Return the pose of each view as set on the page, else as in the catalogue, and what the last model found.
 
     `found`: the model's pose and the pixels by which its contour misses the mask; null: the model does not have the
-    view; `left_out`: why.
+    view; `left_out`: why. `damage`: why a view's edits cannot be read, and what to do; then its pose is not known.
     """
     captures = review.captures(object_id)
     edits = review.edits(object_id)
     registered, left_out = _model(review, object_id)
     views = []
     for name in captures:
-        edited = None if edits is None else edits.current(name).pose
+        edited, damage = _edited_pose(edits, name)
         given = review.context(object_id, name).capture.pose
-        pose = edited or given
+        pose = None if damage else edited or given
         views.append(
             {
                 "capture": name,
@@ -34,6 +36,7 @@ def poses(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
                 "is_edited": edited is not None,
                 "found": registered.get(name),
                 "left_out": left_out.get(name),
+                "damage": damage,
             }
         )
     return {"revision": 0 if edits is None else edits.revision, "views": views}
@@ -56,6 +59,14 @@ def state(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
 def stop(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
     """Stop the run of an object that the page has started, which takes seconds; null: none."""
     return run_json(review.runs.stop(object_id))
+
+
+def _edited_pose(edits: Edits | None, capture_id: str) -> tuple[Pose | None, str]:
+    """Return the pose that a person has set of a view, and why what people have set cannot be read."""
+    try:
+        return None if edits is None else edits.current(capture_id).pose, ""
+    except DamagedError as error:
+        return None, f"{error.message} → {error.remedy}"
 
 
 def _model(review: Review, object_id: str) -> tuple[dict[str, Any], dict[str, str]]:

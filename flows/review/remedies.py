@@ -21,6 +21,9 @@ PHRASES: tuple[tuple[str, str], ...] = (
     (r"give `spheres`( in the catalogue)?", "draw its circle with Spheres"),
     (r"give this capture `spheres: \[([^`]*)\]`", r"set its circle with Spheres to \1"),
     (r"`spheres` in the catalogue", "its circle with Spheres"),
+    (r"; correct a `diameter_mm` or a radius", "; correct a diameter or a radius with Spheres"),
+    (r"correct or remove it, or correct `diameter_mm`", "correct it with Scale, or the diameter with Spheres"),
+    (r"correct it, or the sphere's circle", "correct it, or its circle, with Spheres"),
     (r"give the camera's matrix \(`camera`\)", "give the camera's focal length with Camera"),
     (r"give the camera's matrix, about `camera: \{matrix: [^`]*\}`", "give it with Camera"),
     (r"check that `camera` is the matrix", "check with Camera that its matrix is that"),
@@ -29,6 +32,9 @@ PHRASES: tuple[tuple[str, str], ...] = (
     (r"give `pixel_size`, or a sphere's `diameter_mm`, for all views", "give it with Scale for all views"),
     (r"correct it in the catalogue \(pixels of the full frame\)", "correct it with Region"),
     (r"correct it \(pixels of the full frame, y down\)", "correct it with Spheres"),
+    (r"the `pixel_size` or a sphere", "the scale or a sphere"),
+    (r"`pixel_size`", "the scale"),
+    (r"`diameter_mm`", "the sphere's diameter"),
 )
 """Patterns of what stages say, and what the page says instead."""
 

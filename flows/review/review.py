@@ -19,7 +19,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.publish import unedited_entry
-from glint.tasks.review.stored import VersionReference, has_object
+from glint.tasks.review.stored import VersionReference, has_object, with_rollback
 
 KEPT_VERSIONS = 8
 """Versions that a server keeps open."""
@@ -88,12 +88,14 @@ class Review:
     def context(self, object_id: str, capture_id: str) -> CaptureContext:
         """Return a capture's context, as a run of it has: from the catalogue, else as its newest version records it.
 
+        Its results are those of the restored version where the last one is a rollback.
+
         Raises:
             NotFoundError: there is no such capture; StoreError: what is recorded of it cannot be used.
         """
         listed = self._listed(object_id)
         if self.catalogue is not None and listed and any(capture.id == capture_id for capture in listed.captures):
-            return CaptureContext.of(load_catalogue(self.catalogue), object_id, capture_id, self.store)
+            return with_rollback(CaptureContext.of(load_catalogue(self.catalogue), object_id, capture_id, self.store))
         latest = self.stored(object_id).latest
         recorded = latest.metadata.get("captures", {}).get(capture_id, {})
         entry, parameters = unedited_entry(recorded), recorded.get("parameters", {})
@@ -104,7 +106,7 @@ class Review:
         except ValidationError as error:
             message = f"what {object_id} records of {capture_id} cannot be used ({error.errors()[0]['msg']})"
             raise StoreError(message, "start glint review with a CATALOGUE, or run the capture again") from error
-        return CaptureContext(self.store, object_id, capture, checked)
+        return with_rollback(CaptureContext(self.store, object_id, capture, checked))
 
     def repository(self, object_id: str) -> ObjectRepository | None:
         """Return the object's results, None where the store has none yet."""

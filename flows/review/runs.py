@@ -198,12 +198,12 @@ def note(run: Run, event: dict[str, Any]) -> None:
     elif _is_of(run, event.get("capture", "")):
         prefix = _prefix(run, event["capture"])
         if kind == "progress":
-            run.stage, run.done = prefix + event["stage"], event.get("done", 0)
+            run.stage, run.done = _stage(prefix, event), event.get("done", 0)
             run.total, run.unit = event.get("total"), event.get("unit", "")
             if not prefix:
                 run.share, run.seconds_left = event.get("share", run.share), event.get("seconds_left", run.seconds_left)
         elif kind == "stage":
-            run.stages[prefix + event["stage"]] = None if event.get("cached") else event["seconds"]
+            run.stages[_stage(prefix, event)] = None if event.get("cached") else event["seconds"]
         elif kind == "failed":
             run.error = prefix + event["text"]
 
@@ -211,6 +211,12 @@ def note(run: Run, event: dict[str, Any]) -> None:
 def _is_of(run: Run, name: str) -> bool:
     """Return whether OBJECT/CAPTURE takes part in a run."""
     return name == run.capture or name.startswith(f"{run.capture}/")
+
+
+def _stage(prefix: str, event: dict[str, Any]) -> str:
+    """Return the stage that an event names, with its capture; the model has one stage, of the same name."""
+    stage = str(event["stage"])
+    return stage if prefix == f"{stage}: " else prefix + stage
 
 
 def _prefix(run: Run, name: str) -> str:

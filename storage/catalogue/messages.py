@@ -50,6 +50,8 @@ _FAULTS = {
     "int_parsing_size": "this is no number that can be meant",
 }
 """Faults by pydantic's name of the error, where its own words are about Python."""
+_OWN = ("camera", "pose", "rigid", "same_sphere")
+"""Errors whose words are Glint's own, and name the value where that helps."""
 _REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
 """Errors that the catalogue's loader reports with the lines of both keys."""
 
@@ -114,6 +116,16 @@ def fault_of(detail: ErrorDetails) -> str:
         is_null = "\0" in detail["input"]
         fault = "no path holds a null character" if is_null else f"this is not of the form {detail['ctx']['pattern']}"
     return f"{truncate_repr(detail['input'])}: {fault}"
+
+
+def own_words(detail: ErrorDetails) -> tuple[str, str] | None:
+    """Return what is wrong and what to do where Glint's own checks say it; None for an error in pydantic's words."""
+    if detail["type"] in _OWN:
+        return detail["msg"], _REMEDIES[detail["type"]]
+    if detail["type"] != "value_error":
+        return None
+    message, _, remedy = str(detail["ctx"]["error"]).rpartition(": ")
+    return (message, remedy) if message else (remedy, _DEFAULT_REMEDY)
 
 
 def _format_path(location: tuple[int | str, ...]) -> str:

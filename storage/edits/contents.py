@@ -17,8 +17,9 @@ from glint.storage.footage.images import decode_image
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.storage.seals import SEAL
 from glint.storage.versions.snapshots import read_session
-from glint.storage.versions.stage_results import StageResult, StoredFile, read_capture, stage_attributes
-from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.stage_results import StageResult, StoredFile
+from glint.storage.versions.stages.reader import read_capture, stage_attributes
+from glint.storage.versions.stages.writer import write_stage
 
 GROUP = "edits"
 """Name of the group in that of its capture."""

@@ -23,7 +23,7 @@ from glint.storage.errors import DamagedError, InputError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.snapshots import index_errors
-from glint.storage.versions.stage_results import check_name
+from glint.storage.versions.stages.names import check_name
 from glint.storage.versions.transaction import transaction
 from glint.storage.versions.verification import Verification, verify
 

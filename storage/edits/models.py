@@ -36,7 +36,7 @@ def _decoded_mask(value: Any) -> np.ndarray:
         try:
             value = decode_mask(base64.b64decode(value, validate=True), "the mask")
         except (ValueError, InputError) as error:
-            raise ValueError(f"the mask is not an image in base64: {error}") from error
+            raise ValueError(f"the mask is not an image in base64 ({error}): send that of a PNG") from error
     if not isinstance(value, np.ndarray) or value.dtype != np.bool_ or value.ndim != 2:
         raise ValueError("a mask is a bool array (H, W), or the base64 of a PNG")
     if value.size > MAX_PIXELS:

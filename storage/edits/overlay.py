@@ -14,7 +14,7 @@ from glint.storage.catalogue.models import Capture
 from glint.storage.edits.contents import MARKUP_FILE, MASK_FILE, edits_group, edits_of
 from glint.storage.edits.models import FieldChange
 from glint.storage.edits.records import RevisionCommit, newest_commit
-from glint.storage.errors import InputError
+from glint.storage.errors import DamagedError, InputError
 from glint.storage.inputs.digests import content_digest
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
@@ -47,24 +47,38 @@ class EditsUsed:
 
 @dataclass(frozen=True, slots=True)
 class EditedEntry:
-    """A capture's entry with its edits; `edits`: None where no input is edited."""
+    """A capture's entry with its edits; `edits`: None where no input is edited.
+
+    damage: why its edits cannot be read; then `capture` is the catalogue's entry. None where they can.
+    """
 
     capture: Capture
     edits: EditsUsed | None = None
+    damage: DamagedError | None = None
 
 
 def edited_entries(repository: ObjectRepository, captures: Iterable[Capture]) -> list[EditedEntry]:
     """Return the entries of an object's captures with the edits of the store over them.
 
-    What contradicts the catalogue is an error of that capture's survey alone.
+    What contradicts the catalogue is an error of that capture's survey alone, and damaged edits are of that capture.
 
     Raises:
-        DamagedError: edits are not what was written.
+        DamagedError: the list of edits, which all captures need, is not what was written.
     """
     index, location, object_id = repository.index, repository.location, repository.object_id
     with index_errors(location.uri, "reading the edits", object_id):
         newest = newest_commit(index, object_id)
-        return [EditedEntry(entry) if newest is None else _edited(repository, newest, entry) for entry in captures]
+    if newest is None:
+        return [EditedEntry(entry) for entry in captures]
+    return [_edited_or_damaged(repository, newest, entry) for entry in captures]
+
+
+def _edited_or_damaged(repository: ObjectRepository, newest: RevisionCommit, entry: Capture) -> EditedEntry:
+    try:
+        with index_errors(repository.location.uri, f"reading the edits of {entry.id}", repository.object_id):
+            return _edited(repository, newest, entry)
+    except DamagedError as damage:
+        return EditedEntry(entry, damage=damage)
 
 
 def _edited(repository: ObjectRepository, newest: RevisionCommit, entry: Capture) -> EditedEntry:

@@ -112,10 +112,10 @@ def commit_at(repository: icechunk.Repository, object_id: str, snapshot_id: str)
         raise index_damage("", object_id, "the record of an edit is not what was written")
     try:
         # The library gives lists and numbers as they are in JSON, and times as text.
-        revision = Revision.model_validate(facts["revision"], strict=False)
+        revision = Revision.model_validate(facts.get("revision"), strict=False)
     except ValidationError as error:
         raise StoreError(f"edits of {object_id} were written by another version of Glint", "update Glint") from error
-    return RevisionCommit(snapshot_id, revision, facts["token"])
+    return RevisionCommit(snapshot_id, revision, str(facts.get("token", "")))
 
 
 def tag(repository: icechunk.Repository, commit: RevisionCommit) -> None:

@@ -20,7 +20,8 @@ from glint.storage.export.stored_capture import entry_of, model_result
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
-from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_file_name, check_name
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
+from glint.storage.versions.stages.names import check_file_name, check_name
 
 REPORT_FILE = "report.json"
 """File of a capture's folder that names the object, by which a later export recognizes the folder."""

@@ -24,18 +24,10 @@ from glint.storage.versions.snapshots import (
     read_version,
     version_results,
 )
-from glint.storage.versions.stage_results import (
-    LAYOUT_NUMBER,
-    WHOLE_OBJECT,
-    EarlierKeys,
-    Keys,
-    StoredFile,
-    contents,
-    read_capture,
-    stage_attributes,
-    stage_keys,
-)
-from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.stage_results import WHOLE_OBJECT, EarlierKeys, Keys, StoredFile
+from glint.storage.versions.stages.groups import LAYOUT_NUMBER
+from glint.storage.versions.stages.reader import contents, read_capture, stage_attributes, stage_keys
+from glint.storage.versions.stages.writer import write_stage
 from glint.storage.versions.verification import verify
 
 

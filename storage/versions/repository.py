@@ -25,21 +25,17 @@ from glint.storage.versions.array_schema import NO_SCHEMAS, Schemas, VersionSche
 from glint.storage.versions.garbage import Garbage, collect, prune
 from glint.storage.versions.opening import open_existing
 from glint.storage.versions.snapshots import Version, index_errors, read_session
-from glint.storage.versions.stage_results import (
-    WHOLE_OBJECT,
-    Keys,
-    StageResult,
-    StoredFile,
+from glint.storage.versions.stage_results import WHOLE_OBJECT, Keys, StageResult, StoredFile
+from glint.storage.versions.stages.names import check_name, is_name
+from glint.storage.versions.stages.reader import (
     check_layout,
-    check_name,
     contents,
-    is_name,
     read_capture,
     read_stage,
     saved_key,
     stage_attributes,
 )
-from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.stages.writer import write_stage
 from glint.storage.versions.transaction import create_repository, repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises

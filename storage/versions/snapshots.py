@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -15,7 +15,8 @@ from zarr.core.sync import sync
 from glint.storage.errors import DamagedError, StoreError, damaged, one_line
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.seals import is_sealed
-from glint.storage.versions.stage_results import WHOLE_OBJECT, EarlierKeys, Keys, StageResult, read_capture
+from glint.storage.versions.stage_results import WHOLE_OBJECT, EarlierKeys, Keys, StageResult
+from glint.storage.versions.stages.reader import read_capture
 
 PANICS = "PanicException", "RustPanic"  # where the library stops in a call and in a coroutine; not to be imported
 
@@ -125,13 +126,30 @@ def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str
     record: dict[str, Any] = json.loads(json.dumps(snapshot.metadata, sort_keys=True))
     if "version" not in record:
         return None
-    if not is_sealed(record) or record["object"] != object_id or snapshot.id != snapshot_id:
-        name = record["version"] if is_sealed(record) else "a version"
+    name = record["version"] if is_sealed(record) else "a version"
+    if not is_sealed(record) or record.get("object") != object_id or snapshot.id != snapshot_id:
         raise damaged(f"the record of {name} of {object_id}", "it is not what was written", object_id)
+    try:
+        return _version(record, snapshot.id)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        # A seal proves that a record is whole, not that Glint wrote it.
+        problem = f"it is not as Glint writes it: {type(error).__name__} {one_line(error)}"
+        raise damaged(f"the record of {name} of {object_id}", problem, object_id) from error
+
+
+def _version(record: Mapping[str, Any], snapshot: str) -> Version:
     # Earlier records have those of the last rollback alone, not in a list.
     rolled_back = {name: keys if isinstance(keys, list) else [keys] for name, keys in record["rolled_back"].items()}
-    facts = record["metadata"], record["stages"], rolled_back, record["seals"]
-    return Version(record["version"], snapshot.id, datetime.fromisoformat(record["time"]), record["message"], *facts)
+    return Version(
+        name=str(record["version"]),
+        snapshot=snapshot,
+        time=datetime.fromisoformat(record["time"]),
+        message=str(record["message"]),
+        metadata=dict(record["metadata"]),
+        stages={capture: dict(keys) for capture, keys in record["stages"].items()},
+        rolled_back={capture: [dict(keys) for keys in earlier] for capture, earlier in rolled_back.items()},
+        seals={capture: dict(seals) for capture, seals in record["seals"].items()},
+    )
 
 
 def version_results(

@@ -1,14 +1,13 @@
 """Verification of whole results: all bytes read and compared with their checksums, without being decoded."""
 
 import asyncio
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import icechunk
-from zarr.core.buffer import default_buffer_prototype
 
 from glint.storage.errors import DamagedError
 from glint.storage.versions.stage_results import Keys, StageResult
@@ -109,15 +108,8 @@ async def _verify(results: list[StageResult]) -> list[int | DamagedError]:
     async def read(result: StageResult, key: str) -> int | DamagedError:
         async with limit:
             try:
-                value = await result.store.get(key, default_buffer_prototype())
+                return await result.group.size_of(key)
             except DamagedError as error:
                 return error
-            return len(value)
 
-    return list(await asyncio.gather(*(read(result, key) for result, key in _keys(results))))
-
-
-def _keys(results: Iterable[StageResult]) -> Iterator[tuple[StageResult, str]]:
-    for result in results:
-        for name in result.checksums:
-            yield result, f"{result.capture}/{result.stage}/{name}"
+    return list(await asyncio.gather(*(read(result, key) for result in results for key in result.group.keys)))

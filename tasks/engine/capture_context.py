@@ -7,7 +7,7 @@ from typing import Any
 
 from glint.storage.catalogue.loading import Capture, Catalogue, parameters_for
 from glint.storage.edits.overlay import EditsUsed, edited_entries
-from glint.storage.errors import InputError
+from glint.storage.errors import DamagedError, InputError
 from glint.storage.inputs.digests import content_digest, input_stamps
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of
@@ -35,6 +35,7 @@ class CaptureContext:
     edits: what a person has edited of the entry; None where nothing is, or edits are not applied.
     ref: the version that its results are loaded from, `work` for the newest ones.
     catalogue_entry: the entry without these edits, None where there are none.
+    edits_damage: why its edits cannot be read; `capture` is the catalogue's entry then, and no key follows from it.
     """
 
     store: str
@@ -46,6 +47,7 @@ class CaptureContext:
     edits: EditsUsed | None = None
     ref: str = "work"
     catalogue_entry: Capture | None = None
+    edits_damage: DamagedError | None = None
 
     @classmethod
     def of(
@@ -93,7 +95,13 @@ class CaptureContext:
         return None if self.file(key) is None else self._digests[key]
 
     def entry_digest(self, keys: Collection[str]) -> str:
-        """Return the digest of what the catalogue says of the capture under these keys."""
+        """Return the digest of what the catalogue and the edits say of the capture under these keys.
+
+        Raises:
+            DamagedError: its edits cannot be read.
+        """
+        if self.edits_damage is not None:
+            raise self.edits_damage
         return digest_of(self.capture.model_dump(mode="json", include=set(keys)))
 
     @cached_property
@@ -132,12 +140,14 @@ class CaptureContext:
 def with_edits(contexts: Sequence[CaptureContext]) -> tuple[CaptureContext, ...]:
     """Return the contexts of an object's captures with the edits of the store over their entries in the catalogue.
 
+    A capture whose edits are damaged has the `edits_damage`, and does not keep the others from theirs.
+
     Raises:
-        DamagedError: edits are not what was written.
+        DamagedError: the list of edits, which all captures need, is not what was written.
     """
     entries = edited_entries(contexts[0].repository, [context.capture for context in contexts])
     return tuple(
-        context
+        replace(context, edits_damage=entry.damage)
         if entry.edits is None
         else replace(context, capture=entry.capture, edits=entry.edits, catalogue_entry=context.capture)
         for context, entry in zip(contexts, entries, strict=True)

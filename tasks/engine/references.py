@@ -38,7 +38,10 @@ class CaptureReference:
         """
         catalogue = load_catalogue(self.catalogue)
         context = CaptureContext.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
-        return with_edits([context])[0]
+        (edited,) = with_edits([context])
+        if edited.edits_damage is not None:
+            raise edited.edits_damage
+        return edited
 
 
 def load_catalogue(path: str | Path) -> Catalogue:

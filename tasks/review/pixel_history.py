@@ -21,7 +21,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     """Return the frames in which a pixel (of the full frame) was lit while the light was known, and its candidates.
 
     Levels are those of the video; a candidate's normal is a unit vector, x right, y up, z towards the camera; `spread`
-    in degrees; `chosen`: the labels take it as the outer surface.
+    in degrees, None for a candidate of a single frame; `chosen`: the labels take it as the outer surface.
 
     Raises:
         InputError: the pixel lies outside the region, or nothing has run yet; StoreError: the store cannot be read.
@@ -60,7 +60,7 @@ def _candidates(context: CaptureContext, row: int, column: int) -> list[dict[str
         {
             "normal": [round(float(value), 3) for value in normals[number]],
             "weight": round(float(weight[number]), 2),
-            "spread": round(float(np.degrees(spread[number])), 2),
+            "spread": round(float(np.degrees(spread[number])), 2) if np.isfinite(spread[number]) else None,
             "frames": int(count[number]),
             "shading": round(float(shading[number]), 2),
             "chosen": None if labels is None else bool(labels[number] == 1),

@@ -191,7 +191,8 @@ def session_of(context: CaptureContext) -> Session:
     saved = saved_records(context)
     missing = [stage for stage in NEEDED if stage not in saved]
     if missing:
-        raise InputError(f"{context.name} has no results of {', '.join(missing)} yet", "run the capture")
+        of_stages = f" of {', '.join(missing)}" if saved else ""
+        raise InputError(f"{context.name} has no results{of_stages} yet", "run the capture")
     keys = {stage: saved[stage][0] for stage in NEEDED}
     key = (context.store, context.name, *keys.values())
     with _sessions_lock:

@@ -8,12 +8,14 @@ import numpy as np
 from glint.storage.catalogue.models import Region
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import CaptureEdits
+from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.snapshots import index_errors
-from glint.storage.versions.stage_results import check_name
+from glint.storage.versions.stages.names import check_name
 from glint.storage.versions.transaction import repository_folder
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.model.model_key import with_rollbacks
 from glint.tasks.review.summary import Records
 
 
@@ -42,7 +44,7 @@ def has_object(location: Location, object_id: str) -> bool:
 
 
 def saved_records(context: CaptureContext) -> Records:
-    """Return key and record of the capture's newest stages, by name.
+    """Return key and record of the stages that a capture's results are loaded from (`ref`), by name.
 
     Raises:
         StoreError: the store cannot be read.
@@ -51,8 +53,21 @@ def saved_records(context: CaptureContext) -> Records:
         return {}
     repository = context.repository
     with index_errors(context.location.uri, "reading its results", context.object_id):
-        snapshot = repository.index.lookup_branch("work")
+        is_work = context.ref == "work"
+        snapshot = repository.index.lookup_branch("work") if is_work else repository.version(context.ref).snapshot
     return _records_at(repository, context.capture.id, snapshot)
+
+
+def with_rollback(context: CaptureContext) -> CaptureContext:
+    """Return the context with the results that the newest version has, where a rollback has put them in place of newer
+    ones; else the newest ones."""
+    if not has_object(context.location, context.object_id):
+        return context
+    try:
+        return with_rollbacks([context])[0]
+    except StoreError:
+        # Versions that cannot be read do not keep a person from the inputs.
+        return context
 
 
 def mask_region(saved: Records) -> Region:

@@ -47,6 +47,8 @@ from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
+MISPLACED_REMEDY = "correct `spheres` in the catalogue if the chrome sphere lies elsewhere; if it does not"
+"""What is to be done first about a given sphere that shows no light."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
 MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
@@ -184,7 +186,7 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
 
 def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> list[Lights]:
     """Measure the lights on all spheres."""
-    by_sphere = []
+    by_sphere, is_given = [], bool(inputs.load("survey").record.get("given_spheres"))
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
@@ -192,7 +194,8 @@ def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
             by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
         except UnusableCapture as error:
             place = f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
-            raise UnusableSphere(f"{place}: {error.message}", error.remedy) from error
+            remedy = f"{MISPLACED_REMEDY}, {error.remedy}" if is_given else error.remedy
+            raise UnusableSphere(f"{place}: {error.message}", remedy) from error
         progress(number + 1, len(geometry.spheres))
     return by_sphere
 

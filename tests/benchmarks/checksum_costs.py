@@ -22,7 +22,8 @@ from zarr.codecs import Crc32cCodec
 from glint.storage import seals
 from glint.storage.frames import cache, ingest
 from glint.storage.frames.shard_store import ShardStore
-from glint.storage.versions import checksums, snapshots
+from glint.storage.versions import snapshots
+from glint.storage.versions.stages import checksums
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate

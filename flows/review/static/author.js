@@ -8,7 +8,7 @@ export class Author {
   /** what: is saved with the name, as in "change". */
   constructor(what) {
     this.what = what;
-    this.input = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": `Your name, saved with every ${what}`, autocomplete: "name", oninput: () => this.written(), onchange: () => localStorage.setItem(KEPT, this.input.value) });
+    this.input = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": `Your name, saved with every ${what}`, autocomplete: "name", oninput: () => this.written(), onkeydown: (event) => this.pressed(event), onchange: () => localStorage.setItem(KEPT, this.input.value) });
     this.input.value = localStorage.getItem(KEPT) ?? "";
     this.isAskedFor = false;
   }
@@ -22,6 +22,14 @@ export class Author {
       this.input.focus();
     }
     return name;
+  }
+
+  /** Enter accepts the name, and returns the keyboard to what it was asked for; in a form it sends the form. */
+  pressed(event) {
+    if (event.key !== "Enter" || this.input.form || !this.input.value.trim()) return;
+    this.input.blur();
+    const place = document.querySelector("main .stage") ?? document.getElementById("main");
+    place.focus({ preventScroll: true });
   }
 
   /** Takes the request for the name away once there is one. */

@@ -24,14 +24,44 @@ export function addStyleSheets(...addresses) {
 /** How long a message that is no error is shown, in milliseconds. */
 const MESSAGE_MS = 5000;
 
+let refusal = "";
+
+/** Announces that a value which was entered is not taken, and why. */
+export function refuse(text) {
+  announce(text, "error");
+  refusal = text;
+}
+
+/** Announces that everything else is saved where a value that was entered is not taken; before: that refusal, or none. */
+export function announceSaved(before) {
+  if (before) announce(`Saved, except: ${before}`, "error");
+  else announce("Saved.");
+}
+
+/** Returns why the value that was entered last is not taken, as long as that is shown; nothing where it is. */
+export function shownRefusal() {
+  return refusal;
+}
+
+/** Has the last refusal count no longer: a person has seen it, and gone on. */
+export function forgetRefusal() {
+  refusal = "";
+}
+
 /** Shows a message near the bottom; errors stay until the next one, or until a person closes them. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");
+  refusal = "";
   status.className = kind;
   status.title = kind === "error" ? "Click it, or press Escape, to close it" : "";
   status.textContent = text;
   clearTimeout(announce.timer);
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
+}
+
+/** Announces that saving would change nothing, unless the refusal of a value says why. */
+export function announceNothingChanged() {
+  if (!refusal) announce("There is nothing to save.");
 }
 
 /** Announces why something has failed, unless it was given up because its view was left. */
@@ -62,8 +92,8 @@ export const POSITIVE = [(value) => value > 0, "it must be more than 0"];
 export function typedNumber(field, isAllowed = Number.isFinite, rule = "it must be a number") {
   const value = Number(field.value), name = `"${field.ariaLabel}"`;
   // A field for numbers is empty also where what was typed is no number.
-  if (field.value === "") announce(`No number was typed for ${name}: it stays as it was.`, "error");
-  else if (!isAllowed(value)) announce(`${name} cannot be ${field.value}: ${rule}.`, "error");
+  if (field.value === "") refuse(`No number was typed for ${name}: it stays as it was.`);
+  else if (!isAllowed(value)) refuse(`${name} cannot be ${field.value}: ${rule}.`);
   else {
     withdraw(`No number was typed for ${name}`);
     withdraw(`${name} cannot be`);

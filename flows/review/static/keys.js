@@ -2,7 +2,7 @@
 
 /** The key that also counts while a field is being filled in. */
 const SAVE = "Ctrl+s";
-/** Keys that move a slider; that of the timeline moves by the view's keys for frames. */
+/** Keys that move a slider, or choose another radio button; the timeline moves by the view's keys for frames. */
 const SLIDING = /^(Arrow|Page|Home|End)/;
 
 let shown = [];
@@ -15,12 +15,12 @@ export function bind(keys, signal) {
     "keydown",
     (event) => {
       if (event.altKey) return;
-      const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
-      const field = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
+      const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + keyOf(event);
+      const field = event.target.closest?.("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, dialog");
       if (field && (name !== SAVE || field.matches("dialog"))) return;
-      if (SLIDING.test(event.key) && event.target.matches?.("input[type=range]") && !event.target.closest(".timeline")) return;
+      if (SLIDING.test(event.key) && event.target.matches?.("input[type=range], input[type=radio]") && !event.target.closest(".timeline")) return;
       const known = keys.find(([key]) => key.split(" ").includes(name) || (key === "Space" && event.key === " "));
-      if (!known || (event.target.closest?.("button, a, input[type=checkbox], [role=listbox]") && ["Enter", " "].includes(event.key))) return;
+      if (!known || (event.target.closest?.("button, a, input[type=checkbox], input[type=radio], [role=listbox]") && ["Enter", " "].includes(event.key))) return;
       event.preventDefault();
       // What has been typed so far counts as entered.
       field?.blur();
@@ -29,6 +29,13 @@ export function bind(keys, signal) {
     },
     { signal },
   );
+}
+
+/** Returns the key as it would be without Caps Lock, which turns no other than letters. */
+function keyOf(event) {
+  const { key } = event;
+  if (key.length > 1 || !event.getModifierState("CapsLock")) return key;
+  return key === key.toLowerCase() ? key.toUpperCase() : key.toLowerCase();
 }
 
 /** Lists the keys. */

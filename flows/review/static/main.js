@@ -26,7 +26,9 @@ let isMissing = false;
 
 function placeOf(hash) {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
-  return parts.length >= 2 ? { object: parts[0], capture: parts[1], view: parts[2] ?? "inputs" } : null;
+  if (parts.length < 2) return null;
+  const [object, capture, asked] = parts;
+  return { object, capture, view: VIEWS.find(([name]) => name === asked)?.[0] ?? VIEWS[0][0] };
 }
 
 function showPlace(place) {
@@ -34,7 +36,7 @@ function showPlace(place) {
   const tabs = document.getElementById("tabs");
   path.replaceChildren();
   tabs.replaceChildren();
-  const [, view] = VIEWS.find(([name]) => name === place?.view) ?? VIEWS[0];
+  const view = VIEWS.find(([name]) => name === place?.view)?.[1];
   document.title = place ? `${view} · ${place.object}/${place.capture} · Glint` : "Captures · Glint";
   if (!place) return;
   path.append(element("a", { href: "#/" }, "Catalogue"), element("span", {}, " / "), element("b", { title: `${place.object}/${place.capture}` }, `${place.object}/${place.capture}`));
@@ -71,7 +73,7 @@ async function show() {
       await (await loaded(() => import("./catalogue/view.js"))).open(root, signal);
       return;
     }
-    const view = VIEWS.find(([name]) => name === place.view) ?? VIEWS[0];
+    const view = VIEWS.find(([name]) => name === place.view);
     const capture = { ...place, path: capturePath(place.object, place.capture) };
     await (await loaded(view[2])).open(root, capture, signal);
   } catch (error) {

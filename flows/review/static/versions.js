@@ -30,7 +30,10 @@ export async function open(root, capture, signal) {
     }
     const [latest, other = latest] = versions;
     const chosen = { before: before ?? other.name, after: after ?? latest.name };
-    written ??= await notes();
+    written ??= await notes().catch((error) => {
+      if (error.name === "AbortError") throw error;
+      return element("section", {}, element("h2", {}, "Notes"), element("p", { class: "doubt" }, error.message));
+    });
     if (!isNewest()) return;
     const focused = side.contains(document.activeElement) && document.activeElement.ariaLabel;
     side.replaceChildren(listed(versions, chosen), written);

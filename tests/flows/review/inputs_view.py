@@ -32,11 +32,18 @@ def place(tab: Tab, x: float, y: float) -> tuple[float, float]:
 
 def drag(tab: Tab, start: tuple[float, float], end: tuple[float, float]) -> None:
     """Drag from a pixel of the full frame to another."""
+    hold(tab, start, end)
+
+
+def hold(tab: Tab, start: tuple[float, float], *ends: tuple[float, float]) -> None:
+    """Press the mouse at a pixel of the full frame, move it to others one after another, and let it go."""
     mouse = tab.page.mouse
     mouse.move(*place(tab, *start))
     mouse.down()
-    for share in (0.3, 0.7, 1.0):
-        mouse.move(*place(tab, *(a + (b - a) * share for a, b in zip(start, end, strict=True))))
+    for end in ends:
+        for share in (0.3, 0.7, 1.0):
+            mouse.move(*place(tab, *(a + (b - a) * share for a, b in zip(start, end, strict=True))))
+        start = end
     mouse.up()
 
 

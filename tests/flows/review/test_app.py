@@ -88,6 +88,8 @@ def test_an_object_that_never_ran_has_no_versions_and_one_that_nobody_lists_is_a
     answer = browser.get("/api/objects/vase/versions")
     assert (answer.status_code, answer.json()) == (200, [])
     assert browser.get("/api/objects/cup/versions").status_code == 404
+    asked = browser.get("/api/captures/vase/front/questions").json()
+    assert (asked["error"], asked["remedy"]) == ("vase/front has no results yet", "run the capture")
 
 
 def test_a_mask_is_grown_in_place_of_one_that_cannot_be_used(tmp_path: Path) -> None:

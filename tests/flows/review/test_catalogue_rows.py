@@ -23,6 +23,7 @@ def rows(served: ServedPage, tab: Tab, monkeypatch: pytest.MonkeyPatch) -> Itera
     yield known
     known.clear()
     known.update(before)
+    served.app.state.review.listing._revision += 1
     tab.complaints[:] = [text for text in tab.complaints if "404" not in text]
 
 
@@ -87,3 +88,31 @@ def test_all_that_is_said_of_a_capture_is_read_by_keys_and_by_a_click(
     page.click("dialog.reasons a")
     tab.wait("location.hash.startsWith('#/yak/front')")
     assert page.locator("dialog.reasons").count() == 0
+
+
+def test_who_comes_back_from_a_capture_finds_the_list_where_it_was_left(
+    served: ServedPage, tab: Tab, rows: dict[str, dict[str, Row]]
+) -> None:
+    # More rows than one answer holds.
+    rows |= {f"vase-{number:03d}": {"front": Row(f"vase-{number:03d}", "front", "new")} for number in range(230)}
+    page = shown(served, tab, ".row >> text=vase-000")
+    page.focus("main")
+    page.keyboard.press("End")
+    page.wait_for_selector(".row.chosen >> text=vase-229")
+    page.keyboard.press("Enter")
+    tab.wait("location.hash.startsWith('#/vase-229')")
+    page.go_back()
+    page.wait_for_selector(".row.chosen >> text=vase-229")
+    row, list_ = page.locator(".row.chosen").bounding_box(), page.locator(".scroller").bounding_box()
+    assert list_["y"] <= row["y"] and row["y"] + row["height"] <= list_["y"] + list_["height"]
+    page.fill("input[type=search]", "vase-1")
+    page.wait_for_selector(".row.chosen >> text=vase-100")
+
+
+def test_a_long_path_is_broken_not_cut(served: ServedPage, tab: Tab, rows: dict[str, dict[str, Row]]) -> None:
+    path = "/shared/" + "videos-of-the-second-day/" * 5 + "front.mp4"
+    rows["yak"] = {"front": Row("yak", "front", "failed", error=f"{path} cannot be read")}
+    page = shown(served, tab, ".row >> text=yak")
+    assert page.evaluate(
+        "(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.querySelector('.reason'))"
+    )

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tests.flows.review.conftest import ServedPage, Tab
-from tests.flows.review.inputs_view import INPUTS, READY, settle
+from tests.flows.review.inputs_view import INPUTS, READY, asked, place, settle
 from tests.polling import until
 
 pytestmark = pytest.mark.long
@@ -177,3 +177,64 @@ def test_a_run_tells_the_time_that_is_left_or_else_the_time_that_it_took(tab: Ta
     page.wait_for_selector("aside .run >> text=labels · for 70 s")
     left["seconds_left"] = 30.0
     page.wait_for_selector("aside .run >> text=labels · about 30 s left")
+
+
+def test_what_cannot_be_saved_is_told_in_words_alone(served: ServedPage, tab: Tab) -> None:
+    page, (width, height) = tab.open(INPUTS, READY), asked(served, "inputs")["frame_size"]
+    page.wait_for_selector("section[data-pixels]")
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.keyboard.press("Enter")
+    page.keyboard.press("p")
+    for x, y in ((-1, -1), (width, -1), (width, height), (-1, height)):
+        page.mouse.click(*place(tab, x, y))
+    page.keyboard.press("Shift+Enter")
+    page.wait_for_selector("section[data-pixels='0']")
+    page.keyboard.press("Control+s")
+    empty = "the mask is empty → paint the object, or take the edit back to have it estimated"
+    tab.wait(f"{STATUS} === {empty!r}")
+    page.keyboard.press("Control+z")
+    page.select_option("[aria-label='How the pose is given']", "camera_to_world")
+    page.fill("[aria-label^='Matrix from camera']", "2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS}.startsWith('camera_to_world must be ') && {STATUS}.includes(' → invert it if')")
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_a_value_that_is_refused_is_told_also_where_it_was_to_be_saved(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("[aria-label='Focal length in pixels']", "-5")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS}.includes('cannot be -5')")
+    page.select_option("[aria-label='How the pose is given']", "camera_to_world")
+    page.keyboard.press("Control+z")
+    page.select_option("[aria-label='How the pose is given']", "camera_to_world")
+    page.fill("[aria-label^='Matrix from camera']", "1 2 3")
+    page.keyboard.press("Tab")
+    tab.wait(f"{STATUS}.startsWith('The matrix of a pose has four rows')")
+    page.fill("[aria-label^='Matrix from camera']", "1 0 0 5\n0 1 0 0\n0 0 1 0\n0 0 0 1")
+    page.keyboard.press("Tab")
+    tab.wait(f"{STATUS} === ''")
+
+
+def test_what_was_not_taken_is_told_where_the_rest_is_saved(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("[aria-label='Millimetres of a pixel']", "0.25")
+    page.fill("[aria-label='Focal length in pixels']", "-5")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS} === 'Saved, except: \"Focal length in pixels\" cannot be -5: it must be more than 0.'")
+    page.click("text=take back")
+    tab.wait(f"{STATUS} === 'Taken back.'")
+    tab.open(INPUTS.replace("inputs", "poses"), ".plan .camera")
+    page.select_option("[aria-label='Pose of front']", "turntable")
+    page.fill("[aria-label='Degrees of front']", "50000")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS}.startsWith('Saved, except: \"Degrees of front\" cannot be 50000')")
+    page.select_option("[aria-label='Pose of front']", "")
+    page.keyboard.press("Control+s")
+    tab.wait(f"{STATUS} === 'Saved.'")
+
+
+def test_an_address_of_no_view_opens_the_inputs_in_their_tab(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "imputs"), READY)
+    assert page.inner_text("#tabs [aria-current=page]") == "Inputs"

@@ -104,3 +104,19 @@ def test_keys_go_to_the_picture_after_a_number_and_after_a_sphere_was_dragged(se
     page.keyboard.press("Escape")
     page.keyboard.press("v")
     assert page.get_attribute("[data-tool=look]", "aria-pressed") == "true"
+
+
+def test_enter_accepts_the_name_and_returns_the_keyboard_to_the_picture(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.focus("main")
+    page.keyboard.press("a")
+    page.keyboard.press("Control+s")
+    tab.wait("document.activeElement.autocomplete === 'name'")
+    page.keyboard.type("Ada")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.className") == "stage"
+    page.keyboard.press("b")
+    assert page.get_attribute("[data-tool=brush]", "aria-pressed") == "true"
+    assert page.input_value("aside input[autocomplete=name]") == "Ada"
+    assert page.evaluate("localStorage.getItem('author')") == "Ada"
+    page.wait_for_selector(".sphere:nth-child(2) [role=status]:not(.faint)")

@@ -10,7 +10,7 @@ from glint.flows.review.remedies import PAINT, on_page
 from glint.flows.runtime import signals
 
 TASKS = Path(tasks_package.__file__).parent
-ELSEWHERE = ("glint check", "`spheres", "`mask", "`camera", "in the catalogue")
+ELSEWHERE = ("glint check", "`spheres", "`mask", "`camera", "`pixel_size", "`diameter_mm", "in the catalogue")
 """What is no remedy on the page."""
 
 
@@ -44,7 +44,9 @@ def test_what_stages_say_is_said_in_the_words_of_the_page(text: str) -> None:
 
 def test_a_scale_is_corrected_by_the_tool() -> None:
     told = "`pixel_size` 0.001 makes the object 0.3 mm large: give the millimetres that one pixel covers"
-    assert on_page(told).endswith("large: correct it with Scale")
+    assert on_page(told) == "the scale 0.001 makes the object 0.3 mm large: correct it with Scale"
+    grain = "`diameter_mm` 2.5 is that of a grain: give it in millimetres"
+    assert on_page(grain) == "the sphere's diameter 2.5 is that of a grain: give it in millimetres"
     unknown = "give `pixel_size`, or a sphere's `diameter_mm`, for all views or for none"
     assert on_page(unknown) == "give it with Scale for all views or for none"
 

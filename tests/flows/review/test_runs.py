@@ -54,7 +54,10 @@ def test_the_run_of_an_object_reports_all_its_captures() -> None:
     assert (run.stage, run.done, run.total, run.share) == ("front: frames", 40, 160, None)
     for capture in ("front", "back"):
         note(run, {"kind": "stage", "capture": f"glass/{capture}", "stage": "survey", "seconds": 0.1, "cached": True})
-    assert run.stages == {"front: survey": None, "back: survey": None}
+    note(run, {"kind": "progress", "capture": "glass/model", "stage": "model", "done": 1, "total": 45})
+    assert run.stage == "model", "said once"
+    note(run, {"kind": "stage", "capture": "glass/model", "stage": "model", "seconds": 2.0})
+    assert run.stages == {"front: survey": None, "back: survey": None, "model": 2.0}
     rows = [
         {"capture": "glass/front", "error": "", "remedy": "", "version": "v2"},
         {"capture": "glass/back", "error": "no sphere", "remedy": "give one", "version": "v2"},

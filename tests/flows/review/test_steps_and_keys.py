@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 import pytest
 
 from tests.flows.review.conftest import ServedPage, Tab
-from tests.flows.review.inputs_view import INPUTS, READY, asked, settle
+from tests.flows.review.inputs_view import INPUTS, READY, asked, drag, hold, place, settle
 from tests.polling import until
 
 pytestmark = pytest.mark.long
@@ -71,6 +71,103 @@ def test_the_tool_for_the_region_alone_changes_nothing(tab: Tab) -> None:
     tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
 
 
+UNDO = "aside .save button:has-text('Undo')"
+NOTHING = "document.getElementById('status').textContent === 'There is nothing to save.'"
+
+
+def test_a_drag_that_ends_where_it_began_is_no_step(served: ServedPage, tab: Tab) -> None:
+    page, region = tab.open(INPUTS, READY), asked(served, "inputs")["used"]["region"]
+    corner = (region["x"] - 0.5, region["y"] - 0.5)
+    page.focus("main")
+    page.keyboard.press("r")
+    hold(tab, corner, (corner[0] + 6, corner[1] + 6), corner)
+    assert page.is_disabled(UNDO)
+    drag(tab, corner, (corner[0] + 6, corner[1] + 6))
+    assert page.input_value("[aria-label='Region: x']") == str(region["x"] + 6)
+    page.click(UNDO)
+    assert page.input_value("[aria-label='Region: x']") == str(region["x"])
+    page.focus("main")
+    page.keyboard.press("s")
+    sphere = asked(served, "inputs")["used"]["spheres"][0]
+    hold(tab, (sphere["x"], sphere["y"]), (sphere["x"] + 5, sphere["y"]), (sphere["x"], sphere["y"]))
+    page.wait_for_selector(".sphere [role=status] >> text=off the contour")
+    assert page.is_disabled(UNDO)
+
+
+def test_a_line_of_the_scale_is_a_step_only_if_it_gives_another_scale(tab: Tab) -> None:
+    page, length = tab.open(INPUTS, READY), "[aria-label='Length of the line in millimetres']"
+    page.focus("main")
+    page.keyboard.press("l")
+    hold(tab, (20, 10), (60, 10), (20, 10))
+    assert page.is_disabled(UNDO) and page.evaluate("document.activeElement.className") == "stage"
+    drag(tab, (10, 10), (60, 10))
+    page.fill(length, "25")
+    page.keyboard.press("Tab")
+    scale = page.input_value("[aria-label='Millimetres of a pixel']")
+    assert float(scale) == pytest.approx(0.5, rel=0.03)
+    drag(tab, (10, 20), (35, 20))
+    assert float(page.input_value(length)) == pytest.approx(12.5, rel=0.05), "the scale is kept, and measures the line"
+    page.keyboard.type("25")
+    page.keyboard.press("Tab")
+    assert float(page.input_value("[aria-label='Millimetres of a pixel']")) == pytest.approx(1, rel=0.05)
+    page.click(UNDO)
+    assert page.input_value("[aria-label='Millimetres of a pixel']") == scale
+    page.click(UNDO)
+    assert page.is_disabled(UNDO)
+
+
+def test_a_line_that_a_second_finger_breaks_off_leaves_the_one_before(tab: Tab) -> None:
+    page, said = tab.open(INPUTS, READY), "section:has-text('The line is') > p"
+    page.focus("main")
+    page.keyboard.press("l")
+    drag(tab, (10, 10), (60, 10))
+    before = page.inner_text(said)
+    page.mouse.move(*place(tab, 30, 30))
+    page.mouse.down()
+    page.mouse.move(*place(tab, 40, 30))
+    assert page.inner_text(said) != before
+    page.evaluate("document.querySelector('.stage').dispatchEvent(new PointerEvent('pointercancel'))")
+    page.mouse.up()
+    assert page.inner_text(said) == before
+
+
+def test_what_is_unchanged_is_saved_without_a_name(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.keyboard.press("Control+s")
+    tab.wait(NOTHING)
+    page.focus("main")
+    page.keyboard.press("s")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(500)
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(500)
+    page.evaluate("document.getElementById('status').textContent = ''")
+    page.keyboard.press("Control+s")
+    tab.wait(NOTHING)
+    page = tab.open(INPUTS.replace("inputs", "poses"), ".plan")
+    page.keyboard.press("Control+s")
+    tab.wait(NOTHING)
+    before, other = page.input_value("[aria-label='Pose of front']"), "turntable"
+    assert before != other
+    for kind in (other, before):
+        page.select_option("[aria-label='Pose of front']", kind)
+    page.evaluate("document.getElementById('status').textContent = ''")
+    page.keyboard.press("Control+s")
+    tab.wait(NOTHING)
+    tab.open("#/", ".row img")
+
+
+def test_an_angle_that_is_being_typed_is_saved_by_the_button(tab: Tab) -> None:
+    page, sent = tab.open(INPUTS.replace("inputs", "poses"), ".plan"), sent_edits(tab)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.select_option("[aria-label='Pose of front']", "turntable")
+    page.fill("[aria-label='Degrees of front']", "12")
+    page.click("aside .save button:has-text('Save')")
+    until(lambda: bool(page.wait_for_timeout(50)) or bool(sent))
+    assert sent[0] == {"pose": {"turntable": 12}}
+    tab.complaints[:] = [text for text in tab.complaints if "ERR_FAILED" not in text]
+
+
 def test_arrow_keys_move_the_slider_and_space_the_box_that_has_the_focus(tab: Tab) -> None:
     page = tab.open(INPUTS, READY)
     page.wait_for_selector("section[data-pixels]")
@@ -86,6 +183,18 @@ def test_arrow_keys_move_the_slider_and_space_the_box_that_has_the_focus(tab: Ta
     page.focus("[aria-label=Frame]")
     page.keyboard.press("ArrowRight")
     page.wait_for_selector("[data-shown$='frame?number=1']")
+
+
+def test_keys_reach_the_view_from_a_choice_that_was_clicked(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "surface"), "[aria-label=Version]")
+    tab.wait("globalThis.glint.ready.then(() => true)")
+    page.click("input[value=matte]")
+    page.keyboard.press("c")
+    assert page.is_checked("input[value=confidence]")
+    page.focus("input[value=matte]")
+    page.keyboard.press("ArrowRight")
+    assert page.is_checked("input[value=glossy]"), "the arrow keys belong to the choice"
+    settle(tab)
 
 
 def test_the_list_of_keys_is_that_of_the_view(tab: Tab) -> None:

@@ -1,5 +1,6 @@
-"""Values of all fields that can be edited."""
+"""Values of all fields that can be edited, and damage to what was saved."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,3 +22,12 @@ def drawn_mask(right: int = 40) -> np.ndarray:
     mask = np.zeros((48, 64), bool)
     mask[10:30, 20:right] = True
     return mask
+
+
+def damage_a_chunk(folder: Path, least_bytes: int) -> None:
+    """Change a bit of the newest chunk of an object's folder that has at least so many bytes."""
+    chunks = [path for path in (folder / "repo/chunks").iterdir() if path.stat().st_size >= least_bytes]
+    newest = max(chunks, key=lambda path: path.stat().st_mtime_ns)
+    data = bytearray(newest.read_bytes())
+    data[len(data) // 2] ^= 4
+    newest.write_bytes(data)

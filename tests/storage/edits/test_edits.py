@@ -26,7 +26,7 @@ from glint.storage.errors import DamagedError, InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from tests.polling import has_grown, until
-from tests.storage.edits.sample_edits import MARKS, SPHERES, VALUES, drawn_mask
+from tests.storage.edits.sample_edits import MARKS, SPHERES, VALUES, damage_a_chunk, drawn_mask
 from tests.storage.stores import MemoryLocation, local_store, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -223,20 +223,12 @@ def test_lost_edits_are_damage(edits: Edits, location: Location, lost: str) -> N
         edits.current("front")
 
 
-def damage_a_chunk(folder: Path, least_bytes: int) -> None:
-    chunks = [path for path in (folder / "objects/duck/repo/chunks").iterdir() if path.stat().st_size >= least_bytes]
-    newest = max(chunks, key=lambda path: path.stat().st_mtime_ns)
-    data = bytearray(newest.read_bytes())
-    data[len(data) // 2] ^= 4
-    newest.write_bytes(data)
-
-
 def test_damaged_bytes_are_never_served(tmp_path: Path, location: Location) -> None:
     edits = Edits.open(location, "duck")
     noise = np.random.default_rng(0).random((200, 300)) < 0.5
     edits.save("front", Changes(pixel_size=0.5, note="before"), "Ann", 0)
     edits.save("front", Changes(mask=noise), "Ann", 1)
-    damage_a_chunk(tmp_path / "store", 5_000)
+    damage_a_chunk(tmp_path / "store/objects/duck", 5_000)
     fresh = Edits.open(location, "duck")
     with pytest.raises(DamagedError, match=r"mask\.png.* of duck/front/edits in edit 2 is damaged") as caught:
         fresh.current("front")

@@ -8,7 +8,7 @@ from zarr.core.buffer import Buffer, default_buffer_prototype
 from zarr.storage import MemoryStore
 
 from glint.storage.errors import DamagedError
-from glint.storage.versions.checksums import RecordingStore, VerifiedStore
+from glint.storage.versions.stages.checksums import RecordingStore, VerifiedStore
 
 PROTOTYPE = default_buffer_prototype()
 WRITTEN = b"0123456789"

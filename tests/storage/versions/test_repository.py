@@ -22,13 +22,9 @@ from glint.storage.json_values import json_value
 from glint.storage.locations.location import Location
 from glint.storage.versions import publication
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import (
-    LAYOUT_NUMBER,
-    WHOLE_OBJECT,
-    FileInfo,
-    StoredFile,
-)
-from glint.storage.versions.stage_writer import chunk_shape
+from glint.storage.versions.stage_results import WHOLE_OBJECT, FileInfo, StoredFile
+from glint.storage.versions.stages.groups import LAYOUT_NUMBER
+from glint.storage.versions.stages.writer import chunk_shape
 from tests.polling import PATIENCE, has_grown, until
 from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture, small_ply
 

@@ -170,14 +170,20 @@ def test_the_cache_of_edited_inputs_is_never_trusted(tiny: Path, tmp_path: Path,
         assert path.read_bytes() == whole and again.digest("mask") == digest
 
 
-def test_damaged_edits_stop_the_object(tiny: Path, tmp_path: Path) -> None:
+def test_damaged_edits_stop_their_capture_alone(tiny: Path, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).random((112, 192)) < 0.5  # too large to lie in the index
     Edits.open(Location.parse(tmp_path / "store"), "hemisphere").save("front", Changes(mask=noise), "Ann", 0)
     chunks = tmp_path / "store" / "objects" / "hemisphere" / "repo" / "chunks"
     for chunk in chunks.iterdir():
         chunk.write_bytes(bytes(len(chunk.read_bytes())))
+    front = context_of(tiny, tmp_path / "store")
+    back = replace(front, capture=front.capture.model_copy(update={"id": "back"}))
+    damaged, whole = with_edits([front, back])
+    assert whole == back and stage_keys(whole, STAGES)
     with pytest.raises(DamagedError, match="of hemisphere/front/edits in edit 1 is damaged"):
-        with_edits([context_of(tiny, tmp_path / "store")])
+        stage_keys(damaged, STAGES)
+    with pytest.raises(DamagedError, match="of hemisphere/front/edits in edit 1 is damaged"):
+        CaptureReference(str(tiny), "hemisphere", "front", front.store, "run").context()
 
 
 def test_spheres_drawn_where_lights_are_known_stop_their_capture_alone(

@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
+from glint.flows.review.remedies import on_page
 from glint.storage.catalogue.loading import CatalogueError, load
 from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.engine.references import load_catalogue
 from tests.storage.footage.videos import write_video
 from tests.tasks.algorithms.lighting.chrome_table import Scene, render
@@ -74,6 +75,13 @@ def test_a_camera_matrix_that_is_not_in_pixels(refused: Refused, focal: float) -
 def test_sphere_out_of_frame(refused: Refused) -> None:
     error = refused(spheres=[{"x": 400.0, "y": 20.0, "radius": 22.0}])
     assert "400.0" in str(error) and "leaves the frame" in str(error)
+
+
+def test_a_given_circle_beside_the_sphere(refused: Refused) -> None:
+    error = refused(spheres=[{"x": 100.0, "y": 12.0, "radius": 9.0}])
+    assert isinstance(error, UnusableSphere) and error.message.startswith("the sphere at (100.0, 12.0)")
+    assert "no moving light" in error.message and error.remedy.startswith("correct `spheres` in the catalogue if")
+    assert on_page(error.remedy).startswith("correct its circle with Spheres if the chrome sphere lies elsewhere; if")
 
 
 def test_no_sphere_to_be_found(refused: Refused, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ export function offerMore(rows) {
   // All are measured before any is changed: the page is laid out once.
   const measured = rows.map((row) => [row.querySelector(".more"), row.querySelector(".reason")])
     .filter(([more]) => more)
-    .map(([more, reason]) => [more, more.dataset.texts > 1 || reason.scrollHeight > reason.clientHeight]);
+    .map(([more, reason]) => [more, more.dataset.texts > (reason.clientHeight ? 1 : 0) || reason.scrollHeight > reason.clientHeight]);
   for (const [more, isCut] of measured) more.classList.toggle("needless", !isCut);
 }
 

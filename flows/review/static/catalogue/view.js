@@ -13,12 +13,15 @@ const POLL_MS = 2000;
 /** Rows above and below the screen that are drawn too, and the pause in typing after which is searched. */
 const SPARE_ROWS = 6;
 const TYPING_MS = 120;
+/** Name under which the browser's tab keeps the place in the list. */
+const PLACE = "catalogue-place";
 const STATES = ["failed", "doubtful", "running", "waiting", "warnings", "done", "new", "reading"];
 const SORTS = [["attention", "What needs you first"], ["name", "Name"], ["date", "Newest first"], ["confident", "Least confident first"]];
 
 export async function open(root, signal) {
   const view = new CatalogueView(root, signal);
   await view.load(true);
+  view.goBack();
   view.poll();
 }
 
@@ -42,7 +45,7 @@ class CatalogueView {
     this.summary = element("p", { class: "faint" });
     this.problem = element("div", { class: "problem", role: "alert" });
     this.space = element("div", { class: "rows", role: "list" });
-    this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
+    this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => { this.draw(); this.keepPlace(); } }, this.space);
     root.classList.add("catalogue");
     root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.problem, this.summary, this.scroller);
     addEventListener("resize", () => { this.draw(); offerMore([...this.space.children]); }, { signal });
@@ -74,6 +77,7 @@ class CatalogueView {
     this.timer = setTimeout(guarded(() => {
       this.chosen = 0;
       this.scroller.scrollTop = 0;
+      this.keepPlace();
       return this.load(true);
     }), TYPING_MS);
   }
@@ -184,6 +188,18 @@ class CatalogueView {
   choose(number) {
     this.chosen = Math.max(0, Math.min(this.total - 1, number));
     this.draw();
+    this.keepPlace();
+  }
+
+  /** Remembers where the list was left, for whoever comes back from a capture. */
+  keepPlace() {
+    sessionStorage.setItem(PLACE, JSON.stringify({ chosen: this.chosen, top: this.scroller.scrollTop }));
+  }
+
+  goBack() {
+    const { chosen, top } = JSON.parse(sessionStorage.getItem(PLACE) ?? '{"chosen": 0, "top": 0}');
+    this.scroller.scrollTop = top;
+    this.choose(chosen);
   }
 
   move(step) {

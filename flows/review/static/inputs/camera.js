@@ -1,13 +1,14 @@
 // The camera's perspective, with its principal point on the picture, and the pose of the view, with a turntable's angle.
 
 import { addressOf } from "../api.js";
-import { POSITIVE, element, isEmptied, typedNumber } from "../dom.js";
+import { POSITIVE, element, isEmptied, refuse, typedNumber, withdraw } from "../dom.js";
 import { POSE_KINDS, TURN, kindOf, poseOf, turnBetween } from "../poses/pose.js";
 import { Konva } from "../vendor.js";
 import { EditedValue } from "./edited_value.js";
 
 const COLOUR = "#b79bff";
 const DIAGONAL_35MM = 43.27;
+const MATRIX_RULE = "The matrix of a pose has four rows of four numbers: this one is not taken.";
 
 export class CameraLayer extends EditedValue {
   constructor(view) {
@@ -172,8 +173,10 @@ export class PoseLayer extends EditedValue {
   typedMatrix() {
     const rows = this.matrix.value.trim().split("\n").map((row) => row.trim().split(/[\s,]+/).map(Number));
     const isMatrix = rows.length === 4 && rows.every((row) => row.length === 4 && row.every(Number.isFinite));
-    if (isMatrix) this.typed({ camera_to_world: rows });
-    else this.state.textContent = "The matrix has four rows of four numbers.";
+    if (isMatrix) {
+      withdraw(MATRIX_RULE);
+      this.typed({ camera_to_world: rows });
+    } else refuse(MATRIX_RULE);
   }
 }
 

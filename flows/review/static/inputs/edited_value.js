@@ -30,6 +30,7 @@ export class EditedValue {
   }
 }
 
-function isSame(first, second) {
+/** Whether two values that JSON can hold are equal. */
+export function isSame(first, second) {
   return JSON.stringify(first) === JSON.stringify(second);
 }

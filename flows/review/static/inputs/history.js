@@ -1,10 +1,12 @@
 // Undo and redo of what is done on the page before it is saved.
 
+import { forgetRefusal } from "../dom.js";
 import { guardLeaving } from "../leaving.js";
 
 export class History {
-  constructor(changed) {
-    this.changed = changed;
+  /** changed: called after every step; isChanged: whether the steps together have changed anything. */
+  constructor(changed, isChanged) {
+    Object.assign(this, { changed, isChanged });
     this.clear();
   }
 
@@ -15,7 +17,7 @@ export class History {
   }
 
   get isDirty() {
-    return this.done.length > 0;
+    return this.done.length > 0 && this.isChanged();
   }
 
   /** Whether nothing is unsaved, or a person agrees to lose it. */
@@ -30,6 +32,7 @@ export class History {
 
   /** Notes a step that has been taken: {undo, redo}. */
   add(step) {
+    forgetRefusal();
     this.done.push(step);
     this.undone = [];
     this.changed();

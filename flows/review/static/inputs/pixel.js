@@ -52,7 +52,7 @@ export class PixelPanel {
   table(candidates) {
     const heads = ["normal", "frames", "spread", "shading", ""].map((text) => element("th", { scope: "col" }, text));
     const rows = candidates.map((item) => element("tr", {},
-      element("td", {}, vector(item.normal)), element("td", {}, String(item.frames)), element("td", {}, `${item.spread.toFixed(1)}°`),
+      element("td", {}, vector(item.normal)), element("td", {}, String(item.frames)), element("td", {}, item.spread === null ? "–" : `${item.spread.toFixed(1)}°`),
       element("td", {}, item.shading.toFixed(2)), element("td", {}, item.chosen ? "chosen" : "")));
     return element("table", {}, element("caption", {}, "Candidates, heaviest first"), element("thead", {}, element("tr", {}, heads)), element("tbody", {}, rows));
   }

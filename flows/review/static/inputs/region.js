@@ -1,24 +1,26 @@
 // The region's rectangle, and the scale as a line of known length.
 
-import { POSITIVE, announce, element, isEmptied, typedNumber, withdraw } from "../dom.js";
+import { POSITIVE, element, isEmptied, refuse, typedNumber, withdraw } from "../dom.js";
 import { Konva } from "../vendor.js";
+import { EditedValue } from "./edited_value.js";
 
 const COLOUR = "#e7b45a";
 const REFUSED = "The region cannot have";
+const LEAST_LINE_PX = 4;
 const FIELDS = [["x", "x"], ["y", "y"], ["width", "w"], ["height", "h"]];
 
-export class RegionLayer {
+export class RegionLayer extends EditedValue {
   constructor(view) {
-    this.view = view;
+    super(view);
     this.rectangle = new Konva.Rect({ stroke: COLOUR, strokeWidth: 1.5, dash: [8, 6], strokeScaleEnabled: false, listening: false });
     this.handles = ["left top", "right top", "left bottom", "right bottom"].map((corner) => new Konva.Circle({ fill: COLOUR, stroke: "#111", strokeWidth: 1, strokeScaleEnabled: false, draggable: true, visible: false, name: corner }));
     view.picture.shapes.add(this.rectangle, ...this.handles);
     this.handles.forEach((handle) => {
-      handle.on("dragstart", () => (this.before = { ...this.region }));
+      handle.on("dragstart", () => (this.before = this.region));
       handle.on("dragmove", () => this.dragged(handle));
       handle.on("dragend", () => this.noted(this.before));
     });
-    this.inputs = FIELDS.map(([name]) => element("input", { type: "number", step: "1", min: "0", "aria-label": `Region: ${name}`, onchange: (event) => this.typed(name, typedNumber(event.target)) }));
+    this.inputs = FIELDS.map(([name]) => element("input", { type: "number", step: "1", min: "0", "aria-label": `Region: ${name}`, onchange: (event) => this.typedSide(name, typedNumber(event.target)) }));
     this.fields = element("div", { class: "fields" }, FIELDS.map(([, text], i) => element("label", {}, text, this.inputs[i])));
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Region"), this.fields, this.state);
@@ -30,12 +32,11 @@ export class RegionLayer {
     const { edits, inputs } = this.view;
     this.origin = edits.region ? "set on the page" : inputs.given.region ? "from the catalogue" : inputs.used ? "found around the object" : "found when it runs";
     this.saved = edits.region ?? inputs.given.region ?? inputs.used?.region ?? null;
-    this.region = this.saved && { ...this.saved };
-    this.draw();
+    this.put(this.saved);
   }
 
-  get isChanged() {
-    return JSON.stringify(this.region) !== JSON.stringify(this.saved);
+  get region() {
+    return this.value;
   }
 
   changes() {
@@ -45,31 +46,25 @@ export class RegionLayer {
   toolChanged(tool) {
     const [width, height] = this.view.inputs.frame_size;
     // Something to drag; as long as nobody does, it is no change.
-    if (tool === "region" && !this.region) [this.region, this.saved] = [0, 1].map(() => ({ x: 0, y: 0, width, height }));
+    if (tool === "region" && !this.region) this.value = this.saved = { x: 0, y: 0, width, height };
     for (const handle of this.handles) handle.visible(tool === "region");
-    this.draw();
+    this.show();
   }
 
   dragged(handle) {
     const [width, height] = this.view.inputs.frame_size;
     const name = handle.name();
-    const { region } = this;
-    const right = region.x + region.width;
-    const bottom = region.y + region.height;
+    const { x: left, y: top, width: across, height: down } = this.region;
+    const right = left + across;
+    const bottom = top + down;
     const x = Math.max(0, Math.min(width, Math.round(handle.x() + 0.5)));
     const y = Math.max(0, Math.min(height, Math.round(handle.y() + 0.5)));
-    if (name.includes("left")) { region.x = Math.min(x, right - 1); region.width = right - region.x; } else region.width = Math.max(1, x - region.x);
-    if (name.includes("top")) { region.y = Math.min(y, bottom - 1); region.height = bottom - region.y; } else region.height = Math.max(1, y - region.y);
-    this.draw();
+    const [x0, x1] = name.includes("left") ? [Math.min(x, right - 1), right] : [left, Math.max(left + 1, x)];
+    const [y0, y1] = name.includes("top") ? [Math.min(y, bottom - 1), bottom] : [top, Math.max(top + 1, y)];
+    this.put({ x: x0, y: y0, width: x1 - x0, height: y1 - y0 });
   }
 
-  noted(before) {
-    const after = { ...this.region };
-    const put = (region) => { this.region = { ...region }; this.draw(); };
-    this.view.history.add({ undo: () => put(before), redo: () => put(after) });
-  }
-
-  draw() {
+  show() {
     const { region } = this;
     this.rectangle.visible(Boolean(region));
     this.state.textContent = this.isChanged ? "changed, not saved" : this.origin;
@@ -85,18 +80,18 @@ export class RegionLayer {
   }
 
   /** Takes a number that was typed into a field, null for none. */
-  typed(name, value) {
-    if (value === null) return this.draw();
+  typedSide(name, value) {
+    if (value === null) return this.show();
     const [width, height] = this.view.inputs.frame_size;
     const next = { ...this.region, [name]: Math.round(value) };
     const fits = next.x >= 0 && next.y >= 0 && next.width > 0 && next.height > 0 && next.x + next.width <= width && next.y + next.height <= height;
     if (fits) {
-      const before = { ...this.region };
       withdraw(REFUSED);
-      this.region = next;
-      this.noted(before);
-    } else announce(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`, "error");
-    this.draw();
+      this.typed(next);
+      return;
+    }
+    refuse(`${REFUSED} ${name} ${value}: it must lie in the frame of ${width} x ${height} pixels.`);
+    this.show();
   }
 
   rescale() {
@@ -104,12 +99,12 @@ export class RegionLayer {
   }
 }
 
-export class ScaleLayer {
+export class ScaleLayer extends EditedValue {
   constructor(view) {
-    this.view = view;
+    super(view);
     this.line = new Konva.Line({ stroke: "#ff9be1", strokeWidth: 2, strokeScaleEnabled: false, visible: false, listening: false });
     view.picture.shapes.add(this.line);
-    this.length = element("input", { type: "number", min: "0", step: "0.1", placeholder: "mm", "aria-label": "Length of the line in millimetres", onchange: () => this.typed() });
+    this.length = element("input", { type: "number", min: "0", step: "0.1", placeholder: "mm", "aria-label": "Length of the line in millimetres", onchange: () => this.typedLength() });
     this.perPixel = element("input", { type: "number", min: "0", step: "any", placeholder: "mm", "aria-label": "Millimetres of a pixel", onchange: () => this.typedSize() });
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Scale"),
@@ -122,13 +117,16 @@ export class ScaleLayer {
   reset() {
     const { edits, inputs } = this.view;
     this.saved = edits.pixel_size ?? inputs.given.pixel_size ?? null;
-    this.size = this.saved;
     this.found = inputs.used?.pixel_size ?? null;
-    this.show();
+    this.put(this.saved);
+  }
+
+  get size() {
+    return this.value;
   }
 
   changes() {
-    return this.size !== this.saved ? { pixel_size: this.size } : {};
+    return this.isChanged ? { pixel_size: this.size } : {};
   }
 
   toolChanged(tool) {
@@ -147,50 +145,53 @@ export class ScaleLayer {
       if (this.view.tool !== "scale" || event.button !== 0) return;
       container.setPointerCapture(event.pointerId);
       this.start = this.view.picture.pointer(event);
+      this.earlier = this.line.points();
     }, { signal });
     container.addEventListener("pointermove", (event) => {
       if (!this.start) return;
-      this.isDrawn = true;
       const end = this.view.picture.pointer(event);
-      this.line.setAttrs({ points: [this.start.x, this.start.y, end.x, end.y], visible: true });
-      this.show();
+      this.drawn([this.start.x, this.start.y, end.x, end.y]);
     }, { signal });
-    container.addEventListener("pointercancel", () => (this.start = this.isDrawn = null), { signal });
-    container.addEventListener("pointerup", () => {
-      if (this.isDrawn) this.length.focus();
-      this.start = this.isDrawn = null;
-    }, { signal });
+    container.addEventListener("pointercancel", () => this.ended(false), { signal });
+    container.addEventListener("pointerup", () => this.ended(this.pixels * this.view.picture.zoom > LEAST_LINE_PX), { signal });
   }
 
-  typed() {
-    if (isEmptied(this.length)) return;
-    const length = typedNumber(this.length, ...POSITIVE);
-    if (length === null) this.length.value = "";
-    else if (!this.pixels) announce("Draw the line on the picture with Scale, or type the millimetres of a pixel.", "error");
-    else this.set(Number((length / this.pixels).toPrecision(6)));
+  drawn(points) {
+    this.line.points(points);
+    this.toolChanged(this.view.tool);
+    this.show();
+  }
+
+  /** Ends a line; one that is not taken gives way to the line before it. */
+  ended(isTaken) {
+    if (!this.start) return;
+    this.start = null;
+    if (isTaken) this.length.select();
+    else this.drawn(this.earlier);
+  }
+
+  /** Takes the length of the line that is drawn. */
+  typedLength() {
+    const length = isEmptied(this.length) ? null : typedNumber(this.length, ...POSITIVE);
+    if (length === null) this.show();
+    else if (!this.pixels) refuse("Draw the line on the picture with Scale, or type the millimetres of a pixel.");
+    else this.typed(Number((length / this.pixels).toPrecision(6)));
   }
 
   /** Takes the millimetres of a pixel; an empty field takes the edit back. */
   typedSize() {
     const isEmpty = isEmptied(this.perPixel);
     const size = isEmpty ? null : typedNumber(this.perPixel, ...POSITIVE);
-    if (isEmpty || size !== null) this.set(size);
+    if (isEmpty || size !== null) this.typed(size);
     else this.show();
-  }
-
-  set(after) {
-    const before = this.size;
-    if (after === before) return this.show();
-    const put = (size) => { this.size = size; this.show(); };
-    put(after);
-    this.view.history.add({ undo: () => put(before), redo: () => put(after) });
   }
 
   show() {
     const drawn = this.pixels ? `${this.pixels.toFixed(1)} pixels drawn · ` : "";
     const size = this.size ?? this.found;
     this.perPixel.value = this.size ?? "";
-    const origin = this.size !== this.saved ? "changed, not saved" : this.size ? "given" : "from a sphere's diameter";
+    this.length.value = this.pixels && size ? (this.pixels * size).toFixed(2) : "";
+    const origin = this.isChanged ? "changed, not saved" : this.size ? "given" : "from a sphere's diameter";
     this.state.textContent = drawn + (size ? `${size.toPrecision(4)} mm per pixel, ${origin}` : "unknown: everything stays in pixels");
   }
 }

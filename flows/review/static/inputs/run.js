@@ -34,6 +34,8 @@ export class RunPanel {
   }
 
   async start() {
+    // Begun by its key, a run may be far from what is shown beside the picture.
+    this.root.scrollIntoView({ block: "nearest" });
     if (this.button.disabled) return;
     this.button.disabled = true;
     try {

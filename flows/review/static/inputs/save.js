@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, announceError, element, guarded, moment } from "../dom.js";
+import { announce, announceError, announceNothingChanged, announceSaved, element, guarded, moment, shownRefusal } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
@@ -10,7 +10,7 @@ export class SavePanel {
     this.author = new Author("change");
     this.button = element("button", { type: "button", onclick: () => this.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
     this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.undo() }, "Undo");
-    this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
+    this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
     this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict);
@@ -32,28 +32,32 @@ export class SavePanel {
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
   }
 
-  /** Saves what was changed; returns whether it is saved. */
+  /** Saves what was changed; returns whether nothing is left to be saved. */
   async save(base = this.view.edits.revision) {
     this.view.spheres.finish();
     this.view.mask.end();
-    if (!this.view.history.isDirty) return true;
+    if (!this.view.history.isDirty) {
+      announceNothingChanged();
+      return true;
+    }
     const author = this.author.name;
     if (!author) return false;
-    return this.finish("Saved.", async () => {
+    const refusal = shownRefusal();
+    return this.finish(() => announceSaved(refusal), async () => {
       const changes = await this.view.changes();
       if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
     });
   }
 
-  /** Sends something and shows what is saved then; returns whether it is saved. */
-  async finish(words, send) {
+  /** Sends something, shows what is saved then, and says so by `confirmed`; returns whether it is saved. */
+  async finish(confirmed, send) {
     // What is painted meanwhile would be neither saved nor kept.
     this.view.lock(true);
     let failure = null;
     try {
       await send();
       await this.refresh();
-      announce(words);
+      confirmed();
     } catch (error) {
       failure = error;
     } finally {
@@ -87,6 +91,6 @@ export class SavePanel {
   async takeBack(revision) {
     const author = this.author.name;
     if (!author || !this.view.history.mayLose()) return;
-    await this.finish("Taken back.", () => ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } }));
+    await this.finish(() => announce("Taken back."), () => ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } }));
   }
 }

@@ -3,6 +3,7 @@
 import { ask } from "../api.js";
 import { announceError, element } from "../dom.js";
 import { Konva } from "../vendor.js";
+import { isSame } from "./edited_value.js";
 import { LEAST_RADIUS_PX, SphereList } from "./sphere_list.js";
 
 const COLOUR = "#7db7ff";
@@ -41,7 +42,7 @@ export class SphereLayer {
   }
 
   get isChanged() {
-    return JSON.stringify(this.spheres) !== JSON.stringify(this.saved);
+    return !isSame(this.spheres, this.saved);
   }
 
   changes() {
@@ -109,7 +110,7 @@ export class SphereLayer {
   moved(number, before) {
     const after = { ...this.spheres[number] };
     const put = (sphere) => { this.spheres[number] = { ...sphere }; this.fits.delete(number); this.draw(); };
-    this.view.history.add({ undo: () => put(before), redo: () => put(after) });
+    if (!isSame(before, after)) this.view.history.add({ undo: () => put(before), redo: () => put(after) });
     this.measure(number);
   }
 

@@ -41,7 +41,7 @@ export async function open(root, capture, signal) {
 class InputsView {
   constructor(root, capture, inputs, edits, signal) {
     Object.assign(this, { capture, inputs, edits, signal });
-    this.history = new History(() => this.changed());
+    this.history = new History(() => this.changed(), () => this.isChanged);
     this.stage = element("div", { class: "stage", role: "group", tabindex: "0", "aria-label": "Picture of the capture" });
     this.tools = element("div", { class: "tools", role: "toolbar", "aria-label": "Tools" });
     this.hint = element("p", { class: "hint", "aria-live": "polite" });
@@ -81,7 +81,10 @@ class InputsView {
     const warnings = this.inputs.warnings.map((warning) =>
       element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message, " ", this.toolFor(warning.cause)));
     const { verdict } = this.inputs;
-    return element("section", {}, element("h2", {}, verdict ? `Verdict: ${verdict}` : "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+    const [word, ...reason] = verdict?.split(": ") ?? [];
+    // Its reason is mostly the first warning's.
+    const isSaid = this.inputs.warnings.some(({ message }) => message.startsWith(reason.join(": ")));
+    return element("section", {}, element("h2", {}, verdict ? `Verdict: ${isSaid ? word : verdict}` : "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
   }
 
   /** Returns the button of the tool that corrects what a warning is about, null where none does. */
@@ -149,6 +152,16 @@ class InputsView {
     this.history.undo();
   }
 
+  redo() {
+    this.spheres.finish();
+    this.history.redo();
+  }
+
+  /** Whether anything differs from what is saved. */
+  get isChanged() {
+    return [this.mask, ...this.layers].some((layer) => layer.isChanged);
+  }
+
   changed() {
     this.save?.show();
   }
@@ -178,7 +191,7 @@ class InputsView {
       ["Enter Shift+Enter", "set a corner; on the last or first one fill the polygon, with Shift cut it out; fit the sphere", (event) => this.mask.polygon.enter(event.shiftKey) || this.spheres.fitChosen()],
       ["Escape", "cancel", () => this.mask.polygon.cancel() || this.use("look")],
       ["Ctrl+z", "undo", () => this.undo()],
-      ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
+      ["Ctrl+y Ctrl+Z", "redo", () => this.redo()],
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
     ].map(([key, text, action]) => [key, text, (event) => this.isLocked || action(event)]), this.signal);

@@ -30,21 +30,23 @@ export class PoseRow {
 
   /** Shows a view of the server's answer, with what was changed on the page. */
   show(view) {
-    const { pose, is_edited: isEdited, isChanged, found, left_out: leftOut } = this.view = view;
+    const { pose, is_edited: isEdited, isChanged, damage } = this.view = view;
     const kind = kindOf(pose);
     this.root.classList.toggle("is-changed", isChanged);
     this.origin.textContent = isChanged ? "changed" : isEdited ? "set here" : pose ? "catalogue" : "";
     this.kind.value = kind;
+    this.kind.disabled = Boolean(damage);
     this.angle.value = kind === "turntable" ? String(pose.turntable) : "";
     this.angle.hidden = kind !== "turntable";
     this.link.hidden = kind !== "camera_to_world";
     this.none.hidden = kind !== "";
-    this.fit.replaceChildren(fitWords(pose, found, leftOut));
+    this.fit.replaceChildren(fitWords(view));
   }
 }
 
 /** How a view's pose agrees with the last model. */
-function fitWords(pose, found, leftOut) {
+function fitWords({ pose, found, left_out: leftOut, damage }) {
+  if (damage) return element("span", { class: "doubt" }, damage);
   if (leftOut) return element("span", { class: "doubt" }, `left out: ${leftOut}`);
   if (!found) return element("span", { class: "faint" }, "no model");
   const misses = `contour off by ${found.outline_misses_pixels.toFixed(1)} px`;

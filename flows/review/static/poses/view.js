@@ -2,7 +2,7 @@
 
 import { ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { addStyleSheets, announce, announceError, element } from "../dom.js";
+import { addStyleSheets, announceError, announceNothingChanged, announceSaved, element, shownRefusal } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
@@ -23,7 +23,7 @@ export async function open(root, capture, signal) {
 class PosesView {
   constructor(root, { object }, known, signal) {
     Object.assign(this, { root, object, signal, path: objectPath(object), capture: { path: objectPath(object), row: capturePath(object, known.views[0].capture) }, spheres: { finish() {} } });
-    this.history = new History(() => this.show());
+    this.history = new History(() => this.show(), () => this.views.some(({ isChanged }) => isChanged));
     this.views = [];
     this.take(known);
     this.plan = new Plan(this.views, (name) => capturePath(object, name), (number, angle) => this.put(number, { turntable: angle }), (number, before) => this.noted([[number, before]]));
@@ -88,7 +88,8 @@ class PosesView {
   }
 
   spread(way) {
-    this.change(this.views.map((_, number) => [number, { turntable: Math.round((way * number * FULL_TURN * 100) / this.views.length) / 100 }]));
+    const turned = (number) => ({ turntable: Math.round((way * number * FULL_TURN * 100) / this.views.length) / 100 });
+    this.change(this.views.flatMap(({ damage }, number) => (damage ? [] : [[number, turned(number)]])));
   }
 
   turnOver() {
@@ -104,13 +105,19 @@ class PosesView {
     if (!this.plan) return;
     this.plan.show();
     this.views.forEach((view, number) => this.rows[number].show(view));
-    this.button.disabled = !this.views.some(({ isChanged }) => isChanged);
+    // A number is taken as typed when Save is pressed, which a disabled button would not notice.
+    this.button.ariaDisabled = String(!this.history.isDirty);
     this.undoButton.disabled = !this.history.done.length;
   }
 
   async saveAll() {
+    if (!this.history.isDirty) {
+      announceNothingChanged();
+      return true;
+    }
     const author = this.author.name;
     if (!author) return false;
+    const refusal = shownRefusal();
     const conflicts = [], focused = document.activeElement;
     // What is turned meanwhile would be neither saved nor kept.
     this.root.inert = true;
@@ -121,7 +128,7 @@ class PosesView {
       }
       this.take(await ask(`${this.path}/poses`, { signal: this.signal }));
       this.history.clear();
-      if (!conflicts.length) announce("Saved.");
+      if (!conflicts.length) announceSaved(refusal);
     } catch (error) {
       announceError(error);
       return false;

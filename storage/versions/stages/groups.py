@@ -15,6 +15,9 @@ from zarr.errors import GroupNotFoundError
 from glint.storage.errors import DamagedError, damaged, one_line
 from glint.storage.locations.location import METADATA_FILE
 
+LAYOUT_NUMBER = 3
+"""Number of this layout, stored in the root group's attribute `layout`; the first layout had no number."""
+
 
 def open_group(store: Any, object_id: str, path: str) -> zarr.Group | None:
     """Open the group at `path` of an object's store for reading; None if there is none.

@@ -12,12 +12,19 @@ from collections.abc import AsyncIterator, Iterable, Iterator, Mapping, Sequence
 import icechunk
 import zarr
 from zarr.abc.store import ByteRequest, OffsetByteRequest, RangeByteRequest, Store, SuffixByteRequest
-from zarr.core.buffer import Buffer, BufferPrototype
+from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
 from zarr.storage import WrapperStore
 
 from glint.storage.errors import DamagedError, StoreError, damaged, one_line
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
+from glint.storage.locations.location import METADATA_FILE
 from glint.storage.seals import HEX_DIGITS
+from glint.storage.versions.stages.groups import readable_metadata
+
+FILES_GROUP = "files"
+"""Name of the subgroup of a stage's files; no array can have this name."""
+
+_FILES_START, _METADATA_END = f"{FILES_GROUP}/", f"/{METADATA_FILE}"
 
 
 def checksum(data: bytes | memoryview) -> str:
@@ -51,7 +58,7 @@ class VerifiedStore(WrapperStore[Store]):
 
     def __init__(self, store: Store, prefix: str, checksums: Mapping[str, str], owner: str, object_id: str) -> None:
         super().__init__(store)
-        self._prefix, self._checksums, self._owner, self._object_id = prefix, checksums, owner, object_id
+        self._prefix, self._checksums, self._owner, self.object_id = prefix, checksums, owner, object_id
 
     async def get(self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None) -> Buffer | None:
         """Return a value; None for a key without a checksum and a value, such as that of a chunk of fill values.
@@ -100,7 +107,7 @@ class VerifiedStore(WrapperStore[Store]):
         parts = name.split("/")
         is_file = parts[0] == "files" and len(parts) > 2
         label = f"file {parts[1]!r}" if is_file else f"array {parts[0]!r}"
-        return damaged(f"{label} of {self._owner}", f"{'/'.join(parts[1 + is_file :])} {problem}", self._object_id)
+        return damaged(f"{label} of {self._owner}", f"{'/'.join(parts[1 + is_file :])} {problem}", self.object_id)
 
 
 class VerifiedArrays(Mapping[str, zarr.Array]):
@@ -118,7 +125,9 @@ class VerifiedArrays(Mapping[str, zarr.Array]):
         if name not in self._arrays:
             if name not in self._names:
                 raise KeyError(name)
-            self._arrays[name] = zarr.open_array(self._store, path=f"{self._path}/{name}", mode="r", zarr_format=3)
+            path = f"{self._path}/{name}"
+            with readable_metadata(self._store.object_id, path):
+                self._arrays[name] = zarr.open_array(self._store, path=path, mode="r", zarr_format=3)
         return self._arrays[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -128,6 +137,31 @@ class VerifiedArrays(Mapping[str, zarr.Array]):
     def __len__(self) -> int:
         """Return their number."""
         return len(self._names)
+
+
+class VerifiedGroup:
+    """The group of a stage, of which every value is verified as it is read.
+
+    arrays: by name; file_arrays: those that hold the content of files, by the file's name; keys: of all values.
+    """
+
+    def __init__(self, store: Store, path: str, checksums: Mapping[str, str], owner: str, object_id: str) -> None:
+        self._store = VerifiedStore(store, path, checksums, owner, object_id)
+        self.keys = tuple(f"{path}/{name}" for name in checksums)
+        places = [name.removesuffix(_METADATA_END) for name in checksums if name.endswith(_METADATA_END)]
+        files = [place.removeprefix(_FILES_START) for place in places if place.startswith(_FILES_START)]
+        arrays = [place for place in places if "/" not in place and place != FILES_GROUP]
+        self.arrays = VerifiedArrays(self._store, path, arrays)
+        self.file_arrays = VerifiedArrays(self._store, f"{path}/{FILES_GROUP}", files)
+
+    async def size_of(self, key: str) -> int:
+        """Read the value of a key; return its size in bytes.
+
+        Raises:
+            DamagedError: the value is not what was written; StoreUnreachable: the store does not answer.
+        """
+        value = await self._store.get(key, default_buffer_prototype())
+        return 0 if value is None else len(value)
 
 
 def _slice_of(byte_range: ByteRequest, size: int) -> slice:

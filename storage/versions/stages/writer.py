@@ -17,16 +17,10 @@ from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
 from glint.storage.locations.location import METADATA_FILE
 from glint.storage.seals import sealed
-from glint.storage.versions.checksums import RecordingStore
-from glint.storage.versions.groups import readable_metadata
-from glint.storage.versions.stage_results import (
-    FILES_GROUP,
-    LAYOUT_NUMBER,
-    FileInfo,
-    StoredFile,
-    check_file_name,
-    check_name,
-)
+from glint.storage.versions.stage_results import FileInfo, StoredFile
+from glint.storage.versions.stages.checksums import FILES_GROUP, RecordingStore
+from glint.storage.versions.stages.groups import LAYOUT_NUMBER, readable_metadata
+from glint.storage.versions.stages.names import check_file_name, check_name
 
 MAX_CHUNK_BYTES = 4 << 20
 """Size of the largest uncompressed chunk: bounds the memory of a save, as zarr holds about ten chunks at once."""
