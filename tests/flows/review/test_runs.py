@@ -25,6 +25,8 @@ from tests.pictures import read_picture
 
 pytestmark = [pytest.mark.server, pytest.mark.slow]
 
+LEAK = range(84, 188, 8)
+"""Rows of the region in the middle of strokes that together erase what leaks."""
 RUN_MS = 280_000
 """Longest wait for a run, in milliseconds: several share the machine."""
 
@@ -143,7 +145,7 @@ def leaking(tmp_path: Path, shared_data: Path) -> Iterator[tuple[ServedPage, Pat
     region = entry.captures[0].region
     assert region is not None
     mask = read_picture(Path(capture["mask"]), cv2.IMREAD_GRAYSCALE)
-    mask[150:185, : mask.shape[1] // 3] = 255
+    mask[LEAK.start - 4 : LEAK.stop + 4, : mask.shape[1] // 3] = 255
     cv2.imwrite(str(tmp_path / "leaking.png"), mask)
     capture["mask"] = str(tmp_path / "leaking.png")
     objects = (Object(id="hemisphere", captures=(Capture.model_validate(capture),)),)
@@ -169,7 +171,7 @@ def test_a_person_repairs_a_leaking_mask_of_the_shared_hemisphere_until_the_run_
         page.wait_for_selector("section[data-pixels]")
         page.keyboard.press("e")
         region = served.app.state.review.context("hemisphere", "front").capture.region
-        for row in range(152, 186, 8):
+        for row in LEAK:
             drag(tab, (region.x, region.y + row), (region.x + leak_end(truth, row), region.y + row))
         saved(tab)
         run_from_here(tab, "v2")
