@@ -151,13 +151,19 @@ class Alternation:
         return targets, np.where(known, measured + beside, pull)
 
     def iterate(self, max_iterations: int | None = None) -> None:
-        """Alternate labelling and field until the labels settle; max_iterations: None for that of the options."""
+        """Alternate labelling and field until the labels settle, or swing between two states.
+
+        max_iterations: None for that of the options.
+        """
+        settled, before_last = CONVERGED_SHARE * self.view.mask.sum(), None
         for _ in range(self.options.max_iterations if max_iterations is None else max_iterations):
+            last = self.labels
             changed = self.label()
             self.follow_labels()
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
-            if changed <= CONVERGED_SHARE * self.view.mask.sum():
+            if changed <= settled or (before_last is not None and self._changed_pixels(before_last) <= settled):
                 break
+            before_last = last
 
     def follow_labels(self) -> None:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
@@ -175,7 +181,11 @@ class Alternation:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
         ratios, previous = self.log_ratios(), self.labels
         self.labels = keep_best_per_pixel(self.view.graph.cut(ratios), ratios)
-        return int((previous != self.labels).any(axis=0).sum())
+        return self._changed_pixels(previous)
+
+    def _changed_pixels(self, labels: np.ndarray) -> int:
+        """Return the number of pixels whose labels differ from earlier ones (K, H, W)."""
+        return int((labels != self.labels).any(axis=0).sum())
 
     def log_likelihood(self) -> float:
         """Return how likely the present field makes the present exterior nodes: their summed log-likelihood ratio."""
