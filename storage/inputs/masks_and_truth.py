@@ -74,6 +74,8 @@ class Truth:
 def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
     """Read normals.npy, depth.npy and lights.npy of a folder as float32; those that are missing become None.
 
+    Outside the object many data sets hold zeros; such normals become NaN.
+
     shape: (H, W) of the region.
 
     Raises:
@@ -97,6 +99,7 @@ def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
         arrays[name] = _decode_array(data, expected, location.child(f"{name}.npy").uri)
     if arrays["normals"] is not None:
         _check_normals(arrays["normals"], location.child("normals.npy").uri)
+        arrays["normals"][(arrays["normals"] == 0.0).all(axis=-1)] = np.nan
     if all(array is None for array in arrays.values()):
         raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
     return Truth(**arrays)

@@ -29,8 +29,4 @@ def load_truth(work: CaptureContext, shape: tuple[int, ...]) -> CaptureTruth | N
     if work.capture.truth is None:
         return None
     truth = read_truth(work.capture.truth, shape)
-    if truth.normals is None:
-        return None
-    # Many data sets hold zeros outside the object.
-    is_outside = (truth.normals == 0.0).all(axis=-1, keepdims=True)
-    return CaptureTruth(np.where(is_outside, np.float32(np.nan), truth.normals), truth.depth)
+    return None if truth.normals is None else CaptureTruth(truth.normals, truth.depth)
