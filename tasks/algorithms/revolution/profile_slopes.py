@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.revolution.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 SIDE_DEG = 4.0
 """Angle of a normal from the plane through the axis at which its weight has fallen to a quarter."""
@@ -126,20 +126,13 @@ def with_shown_slopes(surface: SurfaceOfRevolution, shown: ShownSlopes) -> Surfa
 
     surface: with the contour's radii and slopes.
     """
-    contour = slope_angles(surface)
-    is_wall = np.abs(contour) < np.radians(MAX_WALL_SLOPE_DEG)
-    slopes = np.where(is_wall, shown.most_shown(contour), contour)
+    contour = surface.slope_angles
+    slopes = np.where(surface.is_wall, shown.most_shown(contour), contour)
     own = shown.near(slopes)
     # Smoothing flattens what is bent: the second time the residual is added back (Tukey's twicing).
     for _ in range(2):
-        slopes = slopes + np.where(is_wall, own.mean_residual(slopes), 0.0)
-    bent = -np.sqrt(surface.squared_radii) * np.tan(slopes.clip(-1.4, 1.4))
-    return replace(surface, half_slopes=np.where(is_wall, bent, surface.half_slopes))
-
-
-def slope_angles(surface: SurfaceOfRevolution) -> np.ndarray:
-    """Return the angles (H,) in radians of a profile's normals from the circles' planes, positive upward."""
-    return np.asarray(np.arctan2(-surface.half_slopes, np.sqrt(surface.squared_radii)))
+        slopes = slopes + np.where(surface.is_wall, own.mean_residual(slopes), 0.0)
+    return surface.with_slope_angles(slopes)
 
 
 def _taken(shares: np.ndarray, numbers: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, slope_angles, with_shown_slopes
+from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, with_shown_slopes
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -62,7 +62,7 @@ class Wall:
     def rivalry(self, candidates: np.ndarray) -> float:
         """Return the median rivalry of other slopes than the true ones, half a radius around the middle of the wall."""
         shown = ShownSlopes.on(self.vase, self.x, self.y, candidates)
-        return float(np.median(shown.rivalry(slope_angles(self.vase))[np.abs(self.vase.heights) < 30.0]))
+        return float(np.median(shown.rivalry(self.vase.slope_angles)[np.abs(self.vase.heights) < 30.0]))
 
 
 @pytest.fixture(scope="module")
