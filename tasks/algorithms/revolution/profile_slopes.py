@@ -101,7 +101,7 @@ class ShownSlopes:
         degrees = np.degrees(slopes)
         is_other = np.abs(COUNTED_SLOPES_DEG - degrees[:, None]) > RIVAL_DEG
         nearest = np.rint(degrees).astype(int) - COUNTED_SLOPES_DEG[0]
-        own = np.maximum(_taken(self.shares, nearest.clip(0, COUNTED_SLOPES_DEG.size - 1)), CHANCE_SHARE)
+        own = np.maximum(_taken(self.shares, nearest), CHANCE_SHARE)
         return np.asarray(np.where(is_other, self.shares, 0.0).max(axis=1) / own)
 
     def near(self, slopes: np.ndarray) -> "ShownSlopes":
