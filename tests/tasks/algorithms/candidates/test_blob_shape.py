@@ -47,3 +47,11 @@ def test_a_highlight_fills_its_convex_hull() -> None:
     assert not is_single_highlight(cross)
     assert is_single_highlight(disc) and is_single_highlight(blob(slice(3, 4), slice(5, 6)))
     assert is_single_highlight(blob(slice(3, 4), slice(5, 30))) and not is_single_highlight(bent)
+
+
+@pytest.mark.parametrize(("missing", "is_single"), [(7, True), (8, False)])
+def test_a_single_highlight_fills_four_fifths_of_the_pixels_of_its_hull(missing: int, is_single: bool) -> None:
+    pierced = blob(slice(4, 9), slice(10, 17))
+    pierced[5:8, 11:16] = np.arange(15).reshape(3, 5) >= missing
+    assert pierced.sum() == 35 - missing
+    assert is_single_highlight(pierced) is is_single
