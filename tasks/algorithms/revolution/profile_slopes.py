@@ -18,17 +18,18 @@ from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRev
 SIDE_DEG = 4.0
 """Angle of a normal from the plane through the axis at which its weight has fallen to a quarter."""
 SLOPE_SIGMA_DEG, HEIGHT_SIGMA_PX = 2.5, 0.5
-"""Standard deviations of the smoothing of the shares that show a slope, over slopes, and along the axis."""
+"""Standard deviations of the Gaussian that smooths shares: in slope, and along the axis."""
 CHANCE_SHARE = 0.1
 """Share of a circle's pixels that shows any slope by chance; where no slope has more, the contour's stays."""
 CORRECTION_NATS, MAX_FROM_CONTOUR_DEG = 0.03, 60.0
 """Cost of each degree between a slope and the contour's, and the angle beyond which it is not that of the wall."""
 MIN_CIRCLE_PIXELS = 10.0
-"""Pixels of a circle, for a pixel's length of the axis, below which shares are those of so many."""
+"""Least number of pixels, per pixel of the axis' length, that a circle's shares refer to: a few show small shares."""
 OWN_DEG = 4.0
-"""Angle from the slope that most pixels show up to which a normal shows that one."""
+"""Largest difference from the slope that most pixels of its circle show at which a normal enters the mean slope."""
 MEAN_SIGMA_PX, PRIOR_NORMALS = 0.7, 3.0
-"""Standard deviation along the axis of the smoothing of mean slopes, and weight of the one before, in normals."""
+"""Standard deviation of the Gaussian that smooths mean slopes along the axis, and how many normals without a residual
+are added to each mean."""
 RIVAL_DEG = 6.0
 """Difference from which slopes are those of different sheets."""
 COUNTED_SLOPES_DEG = np.arange(-90, 91)
@@ -39,7 +40,7 @@ COUNTED_SLOPES_DEG = np.arange(-90, 91)
 class ShownSlopes:
     """Slopes (M,) that normals show, radians, with weights (M,), at samples (M,) of the profile.
 
-    circles: (H,), number of pixels that show a normal at each of the H samples. step: of these, in pixels.
+    circles: (H,), number of pixels that show a normal at each of the H samples. step: their distance, in pixels.
     """
 
     slopes: np.ndarray
@@ -105,12 +106,15 @@ class ShownSlopes:
         return np.asarray(np.where(is_other, self.shares, 0.0).max(axis=1) / own)
 
     def near(self, slopes: np.ndarray) -> "ShownSlopes":
-        """Return those near the slopes (H,), radians."""
+        """Return those within OWN_DEG of the slopes (H,) of their circles, radians."""
         is_near = np.abs(self.slopes - slopes[self.samples]) < np.radians(OWN_DEG)
         return replace(self, slopes=self.slopes[is_near], weights=self.weights[is_near], samples=self.samples[is_near])
 
     def mean_residual(self, slopes: np.ndarray) -> np.ndarray:
-        """Return the mean difference (H,) to slopes (H,), radians, smoothed along the axis; 0 where none are shown."""
+        """Return the mean difference (H,) from slopes (H,) to those shown, radians, smoothed along the axis.
+
+        PRIOR_NORMALS draw it towards 0, which it is where none are shown.
+        """
         residual = self.slopes - slopes[self.samples]
         total, sums = (
             ndimage.gaussian_filter1d(
