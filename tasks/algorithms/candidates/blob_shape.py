@@ -24,7 +24,9 @@ def blob_centre(blob: np.ndarray, position: tuple[float, float]) -> tuple[float,
     is_cut = pixels.min() == 0 or (pixels.max(axis=0) == np.array(blob.shape)[::-1] - 1).any()
     if is_cut and slack == 0:
         return None
-    x, y = centre + direction * np.clip((np.array(position) - centre) @ direction, -slack, slack)
+    nearest = centre + direction * np.clip((np.array(position) - centre) @ direction, -slack, slack)
+    # A line that is thicker at one end is shorter than a rectangle of the same variance, on that side of its centroid.
+    x, y = nearest.clip(pixels.min(axis=0), pixels.max(axis=0))
     return float(x), float(y)
 
 

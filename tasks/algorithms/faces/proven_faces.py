@@ -87,9 +87,10 @@ def proven_faces(candidates: np.ndarray, mask: np.ndarray, inradius: float) -> l
 def apparent_faces(candidates: np.ndarray, mask: np.ndarray) -> Iterator[Face]:
     """Yield connected regions of candidates (K, H, W, 3) in a mask (H, W) bool that share a normal: histogram peaks."""
     is_known = np.isfinite(candidates[..., 0]) & mask
-    _, rows, columns = np.nonzero(is_known)
+    # Large objects have many million candidates: their pixels' numbers and cells take few bytes each.
+    pixel = np.broadcast_to(np.arange(mask.size, dtype=np.int32).reshape(mask.shape), is_known.shape)[is_known]
     normals, least = candidates[is_known], MIN_PROVEN_SHARE * mask.sum()
-    cells = np.floor(normals[:, :2] / np.sin(np.radians(NORMAL_CELL_DEG))).astype(int)
+    cells = np.floor(normals[:, :2] / np.sin(np.radians(NORMAL_CELL_DEG))).astype(np.int16)
     if not len(cells):
         return
     cells -= cells.min(axis=0)
@@ -97,14 +98,14 @@ def apparent_faces(candidates: np.ndarray, mask: np.ndarray) -> Iterator[Face]:
     np.add.at(counts, tuple(cells.T), 1.0)
     peaks = ndimage.uniform_filter(counts, PEAK_CELLS, mode="constant") * PEAK_CELLS**2
     while peaks.max() >= least:
-        peak = np.unravel_index(int(peaks.argmax()), peaks.shape)
+        peak = np.array(np.unravel_index(int(peaks.argmax()), peaks.shape), np.int16)
         is_near = (np.abs(cells - peak) <= PEAK_CELLS // 2).all(axis=1)
         # Lights on either side of a face's normal show peaks beside one another, of which the largest region counts.
         peaks[tuple(slice(max(0, at - PEAK_CELLS // 2), at + PEAK_CELLS // 2 + 1) for at in peak)] = 0.0
         normal = unit(np.median(normals[is_near], axis=0))
         belongs = normals @ normal > np.cos(np.radians(FACE_DEG))
         region = np.zeros_like(mask)
-        region[rows[belongs], columns[belongs]] = True
+        region.ravel()[pixel[belongs]] = True
         solid = largest_part((ndimage.uniform_filter(region.astype(float), SOLID_WINDOW_PX) > SOLID_SHARE) & mask)
         pixels = solid & region
         if pixels.sum() >= least:

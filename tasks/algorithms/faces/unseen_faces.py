@@ -7,6 +7,7 @@ weighted by the area that they show to the camera and by the smooth field.
 """
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy import ndimage
@@ -164,7 +165,7 @@ def _nearest_group(groups: list[list[Edge]], pixels: np.ndarray) -> np.ndarray:
     result = np.full(pixels.shape, -1)
     if groups:
         far = np.full(len(points), np.inf)
-        distance = [np.min([far, *(_distance(points, edge) for edge in group)], axis=0) for group in groups]
+        distance = [reduce(np.minimum, (_distance(points, edge) for edge in group), far) for group in groups]
         result[pixels] = np.argmin(distance, axis=0)
     return result
 

@@ -54,7 +54,7 @@ class Consensus:
 
 
 class TranslationEstimator:
-    """Estimates translations against a reference image (H, W) of the same scene.
+    """Estimates translations against a reference image (H, W) of the same scene; images are in levels of 8 bits.
 
     on_background: whether the blocks with structure outside of `excluded` suffice; otherwise all are used.
     """
@@ -174,11 +174,15 @@ class TranslationEstimator:
 
 
 def downsample(picture: np.ndarray, factor: int) -> np.ndarray:
-    """Return a picture (H, W) `factor` times smaller, by averaging over areas."""
-    if factor <= 1:
-        return picture
-    height, width = picture.shape
-    return cv2.resize(picture, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
+    """Return a picture (H, W) `factor` times smaller, by averaging over areas, in levels of 8 bits.
+
+    picture: uint8 or uint16. Returns uint8, or float32 for 16 bits.
+    """
+    if factor > 1:
+        height, width = picture.shape
+        picture = cv2.resize(picture, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
+    # In levels of 16 bits, noise would pass for structure.
+    return picture if picture.dtype == np.uint8 else picture.astype(np.float32) / np.float32(257.0)
 
 
 def translate(image: np.ndarray, translation: np.ndarray) -> np.ndarray:
@@ -192,7 +196,7 @@ def register(frames: np.ndarray, excluded: np.ndarray | None = None) -> tuple[np
     """Register frames (T, H, W) to one another.
 
     Args:
-        frames: in order.
+        frames: in order, in levels of 8 bits.
         excluded: see `TranslationEstimator`.
 
     Returns:

@@ -58,7 +58,8 @@ def contour_normals(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if cut.any():
         contour &= distance_inside(~cut) > 2 * CONTOUR_BLUR_PX
     smooth = ndimage.gaussian_filter(mask.astype(np.float32), CONTOUR_BLUR_PX, mode="nearest")
-    down, right = np.gradient(smooth)
+    # Padded, so that a region may be one pixel wide.
+    down, right = (slope[1:-1, 1:-1] for slope in np.gradient(np.pad(smooth, 1, mode="edge")))
     normals = np.stack([-right, down, np.zeros_like(right)], axis=-1)
     length = np.linalg.norm(normals, axis=-1)
     contour &= length > 1e-6

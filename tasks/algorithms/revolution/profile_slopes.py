@@ -13,22 +13,23 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.revolution.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 SIDE_DEG = 4.0
 """Angle of a normal from the plane through the axis at which its weight has fallen to a quarter."""
 SLOPE_SIGMA_DEG, HEIGHT_SIGMA_PX = 2.5, 0.5
-"""Standard deviations of the smoothing of the shares that show a slope, over slopes, and along the axis."""
+"""Standard deviations of the Gaussian that smooths shares: in slope, and along the axis."""
 CHANCE_SHARE = 0.1
 """Share of a circle's pixels that shows any slope by chance; where no slope has more, the contour's stays."""
 CORRECTION_NATS, MAX_FROM_CONTOUR_DEG = 0.03, 60.0
 """Cost of each degree between a slope and the contour's, and the angle beyond which it is not that of the wall."""
 MIN_CIRCLE_PIXELS = 10.0
-"""Pixels of a circle, for a pixel's length of the axis, below which shares are those of so many."""
+"""Least number of pixels, per pixel of the axis' length, that a circle's shares refer to: a few show small shares."""
 OWN_DEG = 4.0
-"""Angle from the slope that most pixels show up to which a normal shows that one."""
+"""Largest difference from the slope that most pixels of its circle show at which a normal enters the mean slope."""
 MEAN_SIGMA_PX, PRIOR_NORMALS = 0.7, 3.0
-"""Standard deviation along the axis of the smoothing of mean slopes, and weight of the one before, in normals."""
+"""Standard deviation of the Gaussian that smooths mean slopes along the axis, and how many normals without a residual
+are added to each mean."""
 RIVAL_DEG = 6.0
 """Difference from which slopes are those of different sheets."""
 COUNTED_SLOPES_DEG = np.arange(-90, 91)
@@ -39,7 +40,7 @@ COUNTED_SLOPES_DEG = np.arange(-90, 91)
 class ShownSlopes:
     """Slopes (M,) that normals show, radians, with weights (M,), at samples (M,) of the profile.
 
-    circles: (H,), number of pixels that show a normal at each of the H samples. step: of these, in pixels.
+    circles: (H,), number of pixels that show a normal at each of the H samples. step: their distance, in pixels.
     """
 
     slopes: np.ndarray
@@ -101,16 +102,19 @@ class ShownSlopes:
         degrees = np.degrees(slopes)
         is_other = np.abs(COUNTED_SLOPES_DEG - degrees[:, None]) > RIVAL_DEG
         nearest = np.rint(degrees).astype(int) - COUNTED_SLOPES_DEG[0]
-        own = np.maximum(_taken(self.shares, nearest.clip(0, COUNTED_SLOPES_DEG.size - 1)), CHANCE_SHARE)
+        own = np.maximum(_taken(self.shares, nearest), CHANCE_SHARE)
         return np.asarray(np.where(is_other, self.shares, 0.0).max(axis=1) / own)
 
     def near(self, slopes: np.ndarray) -> "ShownSlopes":
-        """Return those near the slopes (H,), radians."""
+        """Return those within OWN_DEG of the slopes (H,) of their circles, radians."""
         is_near = np.abs(self.slopes - slopes[self.samples]) < np.radians(OWN_DEG)
         return replace(self, slopes=self.slopes[is_near], weights=self.weights[is_near], samples=self.samples[is_near])
 
     def mean_residual(self, slopes: np.ndarray) -> np.ndarray:
-        """Return the mean difference (H,) to slopes (H,), radians, smoothed along the axis; 0 where none are shown."""
+        """Return the mean difference (H,) from slopes (H,) to those shown, radians, smoothed along the axis.
+
+        PRIOR_NORMALS draw it towards 0, which it is where none are shown.
+        """
         residual = self.slopes - slopes[self.samples]
         total, sums = (
             ndimage.gaussian_filter1d(
@@ -126,20 +130,13 @@ def with_shown_slopes(surface: SurfaceOfRevolution, shown: ShownSlopes) -> Surfa
 
     surface: with the contour's radii and slopes.
     """
-    contour = slope_angles(surface)
-    is_wall = np.abs(contour) < np.radians(MAX_WALL_SLOPE_DEG)
-    slopes = np.where(is_wall, shown.most_shown(contour), contour)
+    contour = surface.slope_angles
+    slopes = np.where(surface.is_wall, shown.most_shown(contour), contour)
     own = shown.near(slopes)
     # Smoothing flattens what is bent: the second time the residual is added back (Tukey's twicing).
     for _ in range(2):
-        slopes = slopes + np.where(is_wall, own.mean_residual(slopes), 0.0)
-    bent = -np.sqrt(surface.squared_radii) * np.tan(slopes.clip(-1.4, 1.4))
-    return replace(surface, half_slopes=np.where(is_wall, bent, surface.half_slopes))
-
-
-def slope_angles(surface: SurfaceOfRevolution) -> np.ndarray:
-    """Return the angles (H,) in radians of a profile's normals from the circles' planes, positive upward."""
-    return np.asarray(np.arctan2(-surface.half_slopes, np.sqrt(surface.squared_radii)))
+        slopes = slopes + np.where(surface.is_wall, own.mean_residual(slopes), 0.0)
+    return surface.with_slope_angles(slopes)
 
 
 def _taken(shares: np.ndarray, numbers: np.ndarray) -> np.ndarray:

@@ -23,6 +23,8 @@ MAX_SLOPE_CORRECTION_DEG = 30.0
 """Angle from the contour's slope beyond which a normal is not that of the wall."""
 SLOPE_SIGMA_PX = 1.0
 """Standard deviation along the axis of the smoothing of slope corrections."""
+MAX_SLOPE_ANGLE = 1.4
+"""Bound in radians of a wall's normal from the circle's plane, which keeps its slope finite."""
 CONTOUR_SLOPE_WEIGHT = 5.0
 """Weight of the contour's slope at a height, in normals."""
 END_CONE_DEG, END_PX = 25.0, 2.0
@@ -130,6 +132,22 @@ class SurfaceOfRevolution:
         is_flat = axial > np.cos(np.radians(END_CONE_DEG))
         return np.asarray(is_flat & (np.abs(hits.heights - self.end_height) < END_PX))
 
+    @property
+    def slope_angles(self) -> np.ndarray:
+        """Angles (N,) in radians of the profile's normals from the circles' planes, positive upward."""
+        return np.asarray(np.arctan2(-self.half_slopes, np.sqrt(self.squared_radii)))
+
+    @property
+    def is_wall(self) -> np.ndarray:
+        """Whether the profile is that of a wall, not of a flat end, at each sample (N,)."""
+        return np.asarray(np.abs(self.slope_angles) < np.radians(MAX_WALL_SLOPE_DEG))
+
+    def with_slope_angles(self, slope_angles: np.ndarray) -> "SurfaceOfRevolution":
+        """Return the surface with its wall's normals at these angles (N,) in radians; flat ends are left unchanged."""
+        slopes = np.tan(slope_angles.clip(-MAX_SLOPE_ANGLE, MAX_SLOPE_ANGLE))
+        half_slopes = np.where(self.is_wall, -np.sqrt(self.squared_radii) * slopes, self.half_slopes)
+        return replace(self, half_slopes=half_slopes)
+
     def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
         """Return the surface with its radii smaller by a thickness in pixels: the inner side of the wall."""
         radii = np.sqrt(self.squared_radii)
@@ -169,12 +187,11 @@ class SurfaceOfRevolution:
 
     def with_risen_plates(self, x: np.ndarray, y: np.ndarray, normals: np.ndarray) -> "SurfaceOfRevolution":
         """Return the surface with plates that rise to their stems, as far as normals (N, 3) at x, y (N,) show these."""
-        surface = self
-        step = self.heights[1] - self.heights[0]
+        surface, step = self, self.heights[1] - self.heights[0]
         # Rays hit a wider stem higher up: the second time, each normal is placed better.
         for _ in range(2 if self.plates else 0):
             hits = surface.intersect(x, y)
-            slope = -np.tan(surface._slope_angles(hits, normals))
+            slope = -np.tan(surface._measured_angles(hits, normals))
             sample = np.rint((hits.heights - self.heights[0]) / step)
             used = np.isfinite(sample) & (np.abs(slope) < np.tan(np.radians(MAX_WALL_SLOPE_DEG)))
             place, length = sample[used].astype(int), len(self.heights)
@@ -198,33 +215,22 @@ class SurfaceOfRevolution:
         one degree, for its whole circle. The slope at each height is corrected by the mean residual, smoothed along
         the axis and applied twice (Tukey's twicing). Flat ends are left unchanged.
 
-        Args:
-            x: (N,), camera frame.
-            y: (N,).
-            normals: (N, 3), measured there.
+        x, y: (N,), camera frame. normals: (N, 3), measured there.
         """
-        hits = self.intersect(x, y)
-        radii = np.sqrt(self.squared_radii)
-        step = self.heights[1] - self.heights[0]
-        # Slope angles: of the profile, and of the normals, from the circle's plane.
-        angle = np.arctan2(-self.half_slopes, radii)
-        is_wall = np.abs(angle) < np.radians(MAX_WALL_SLOPE_DEG)
-        measured = self._slope_angles(hits, normals)
+        hits, step = self.intersect(x, y), self.heights[1] - self.heights[0]
+        angle, measured = self.slope_angles, self._measured_angles(hits, normals)
         for _ in range(2):
             residual = measured - np.interp(hits.heights, self.heights, angle)
             used = np.isfinite(residual) & (np.abs(residual) < np.radians(MAX_SLOPE_CORRECTION_DEG))
             sample = np.rint((hits.heights[used] - self.heights[0]) / step).astype(int).clip(0, len(angle) - 1)
             total, sums = (
                 ndimage.gaussian_filter1d(
-                    np.bincount(sample, values, minlength=len(angle)),
-                    SLOPE_SIGMA_PX / step,
-                    mode="constant",
+                    np.bincount(sample, values, minlength=len(angle)), SLOPE_SIGMA_PX / step, mode="constant"
                 )
                 for values in (np.ones(len(sample)), residual[used])
             )
-            angle = angle + np.where(is_wall, sums / (total + CONTOUR_SLOPE_WEIGHT), 0.0)
-        half_slopes = np.where(is_wall, -radii * np.tan(angle.clip(-1.4, 1.4)), self.half_slopes)
-        return replace(self, half_slopes=half_slopes)
+            angle = angle + np.where(self.is_wall, sums / (total + CONTOUR_SLOPE_WEIGHT), 0.0)
+        return self.with_slope_angles(angle)
 
     @property
     def _end(self) -> int:
@@ -237,7 +243,7 @@ class SurfaceOfRevolution:
         axial = -np.interp(hits.heights, self.heights, self.half_slopes)
         return np.asarray(unit(hits.outward + axial[:, None] * hits.upward))
 
-    def _slope_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
+    def _measured_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
         """Return the angles (N,) of normals (N, 3) from their circles' planes, positive upward."""
         radius = np.linalg.norm(hits.outward, axis=1)
         axial, radial = ((normals * directions).sum(axis=1) for directions in (hits.upward, hits.outward))

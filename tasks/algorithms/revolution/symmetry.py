@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import positions_at, sampled_pixels, unit
+from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at, sampled_pixels, unit
 from glint.tasks.algorithms.revolution.hollowness import is_solid
 from glint.tasks.algorithms.revolution.opening import Opening, find_opening
-from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, slope_angles, with_shown_slopes
+from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, with_shown_slopes
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
-from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import RayHits, SurfaceOfRevolution
 
 MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
@@ -79,6 +79,18 @@ class RotationalNormals(NamedTuple):
     rivalry: np.ndarray | None = None
 
 
+class _Fit(NamedTuple):
+    """A surface of revolution that accepted normals support.
+
+    error: mean angle in degrees from these to the surface inside the silhouette, without relief. relief: with which
+    they fit better, if there is one; surface is then the one below it.
+    """
+
+    error: float
+    surface: SurfaceOfRevolution
+    relief: Relief | None
+
+
 def surface_of_revolution_normals(
     silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
@@ -91,52 +103,73 @@ def surface_of_revolution_normals(
     Args:
         silhouette: of (H, W) pixels.
         accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
-        candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
+        candidates: (K, H, W, 3), NaN where there is none; they show a relief, the slopes of the profile, and whether an
+            end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
         limits: how well the surface must fit.
     """
-    mask, limit = silhouette.mask, limits.largest_error(accepted, field)
-    fitted = fitted_surface(silhouette, accepted, HOPELESS_ERROR_RATIO * limit)
-    if fitted is None:
+    mask = silhouette.mask
+    fit = _supported_fit(silhouette, accepted, candidates, limits, limits.largest_error(accepted, field))
+    if fit is None:
         return None
-    error, surface = fitted
-    rows, columns = np.nonzero(mask)
-    x, y = positions_at(rows, columns, mask.shape)
-    known = np.isfinite(accepted[rows, columns, 0])
-    measured = (x[known], y[known], accepted[rows, columns][known])
-    deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
-    may_have_relief = (limits.relief_excuses or error <= limit) and np.median(deviation) > MIN_RELIEF_DEG
-    relief = _sampled_relief(mask, surface, accepted, candidates) if may_have_relief else None
-    if relief is not None:
-        surface = relief.surface
-    elif (deviation.mean() if limits.is_of_slopes else error) > limit:
-        return None
-    opening = find_opening(surface, mask, candidates)
+    opening = find_opening(fit.surface, mask, candidates)
     # A relief turns rays aside as well.
-    if opening is not None and relief is None and is_solid(opening, mask, candidates):
+    if opening is not None and fit.relief is None and is_solid(opening, mask, candidates):
         opening = None
-    surface, shown = surface.with_risen_plates(*measured), _shown_normals(mask, candidates)
-    slopes = ShownSlopes.on(surface, *shown)
-    surface = with_shown_slopes(surface, slopes)
+    shown = _shown_normals(mask, candidates)
+    by_contour = fit.surface.with_risen_plates(*_accepted_normals(mask, accepted))
+    slopes = ShownSlopes.on(by_contour, *shown)
+    surface = with_shown_slopes(by_contour, slopes)
+    x, y = pixel_positions(mask)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():
         return None
-    if relief is not None:
-        normals = relief.normals(x, y, normals)
+    rivalry = _wall_rivalry(surface, slopes, hits)
+    if fit.relief is not None:
+        normals = fit.relief.normals(x, y, normals)
     if opening is not None:
-        ended = opening.surface
-        opening = replace(opening, surface=with_shown_slopes(ended, ShownSlopes.on(ended, *shown)))
-        _see_into(opening, opening.around[rows, columns], x, y, normals, depths)
-    result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
-    rivalry = np.zeros(mask.shape, np.float32)
-    result[rows, columns], body[rows, columns] = normals, depths
-    is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
-    rivals = np.interp(hits.heights[is_wall], surface.heights, slopes.rivalry(slope_angles(surface)))
-    rivalry[rows[is_wall], columns[is_wall]] = rivals
-    # Rays at the contour may miss the surface.
-    normals = with_nearest(result, mask)
-    return RotationalNormals(normals, body, relief.fit if relief else 0.0, error, rivalry)
+        inside = with_shown_slopes(opening.surface, ShownSlopes.on(opening.surface, *shown))
+        _see_into(replace(opening, surface=inside), opening.around[mask], x, y, normals, depths)
+    return RotationalNormals(
+        # Rays at the contour may miss the surface.
+        with_nearest(_picture(mask, normals), mask),
+        _picture(mask, depths),
+        fit.relief.fit if fit.relief else 0.0,
+        fit.error,
+        _picture(mask, rivalry, 0.0),
+    )
+
+
+def _supported_fit(
+    silhouette: SilhouetteSymmetry,
+    accepted: np.ndarray,
+    candidates: np.ndarray,
+    limits: FitLimits,
+    largest_error: float,
+) -> _Fit | None:
+    """Return the surface that fits accepted normals, or has a relief with which it does; None without.
+
+    largest_error: of a surface that fits, degrees. For the rest see `surface_of_revolution_normals`.
+    """
+    fitted = fitted_surface(silhouette, accepted, HOPELESS_ERROR_RATIO * largest_error)
+    if fitted is None:
+        return None
+    error, surface = fitted
+    x, y, normals = _accepted_normals(silhouette.mask, accepted)
+    deviation = capped_angles(surface.with_fitted_slopes(x, y, normals).normals(x, y), normals)
+    if (limits.relief_excuses or error <= largest_error) and np.median(deviation) > MIN_RELIEF_DEG:
+        relief = _sampled_relief(silhouette.mask, surface, accepted, candidates)
+        if relief is not None:
+            return _Fit(error, relief.surface, relief)
+    fits = (deviation.mean() if limits.is_of_slopes else error) <= largest_error
+    return _Fit(error, surface, None) if fits else None
+
+
+def _accepted_normals(mask: np.ndarray, accepted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x and y (N,), camera frame, of the pixels with an accepted normal, and these normals (N, 3)."""
+    is_accepted = mask & np.isfinite(accepted[..., 0])
+    return *pixel_positions(is_accepted), accepted[is_accepted]
 
 
 def _shown_normals(mask: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -149,11 +182,16 @@ def _sampled_relief(
     mask: np.ndarray, surface: SurfaceOfRevolution, accepted: np.ndarray, candidates: np.ndarray
 ) -> Relief | None:
     """Return the relief of a surface by a sample of its pixels; see `surface_of_revolution_normals`."""
-    rows, columns = np.nonzero(mask)
-    chosen = np.sort(np.random.default_rng(0).permutation(len(rows))[:SHOWN_PIXELS])
-    rows, columns = rows[chosen], columns[chosen]
-    shown = accepted[rows, columns], candidates[:, rows, columns]
-    return find_relief(mask, surface, *positions_at(rows, columns, mask.shape), *shown)
+    sample = np.zeros_like(mask)
+    sample[sampled_pixels(mask, SHOWN_PIXELS)] = True
+    return find_relief(mask, surface, *pixel_positions(sample), accepted[sample], candidates[:, sample])
+
+
+def _wall_rivalry(surface: SurfaceOfRevolution, slopes: ShownSlopes, hits: RayHits) -> np.ndarray:
+    """Return the rivalry (N,) of the circles that N rays hit, see `RotationalNormals`; 0 where they hit no wall."""
+    is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
+    rivalry = np.interp(hits.heights, surface.heights, slopes.rivalry(surface.slope_angles))
+    return np.where(is_wall, rivalry, 0.0)
 
 
 def _see_into(
@@ -164,3 +202,10 @@ def _see_into(
     # Another tilt moves the end towards the camera, the wall below it hardly.
     moved = (end_depths - depths[around])[~is_far]
     depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
+
+
+def _picture(mask: np.ndarray, values: np.ndarray, outside: float = np.nan) -> np.ndarray:
+    """Return values (N, ..) of the N pixels of a mask (H, W) bool as a picture (H, W, ..) float32."""
+    picture = np.full((*mask.shape, *values.shape[1:]), outside, np.float32)
+    picture[mask] = values
+    return picture

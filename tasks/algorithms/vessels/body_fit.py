@@ -61,16 +61,30 @@ def body_fit(body: RotationalNormals, candidates: np.ndarray, mask: np.ndarray, 
         inradius: of the object, in pixels.
     """
     rivalry = np.zeros(mask.shape) if body.rivalry is None else body.rivalry
-    angle = np.nan_to_num(angles(candidates, body.normals), nan=180.0)
-    nearest = angle.min(axis=0, initial=180.0)
+    nearest, difference = _nearest_candidates(candidates, body.normals)
     is_near = mask & (nearest < NEAR_DEG)
     if not is_near.any():
         return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG, rivalry)
-    chosen = np.take_along_axis(candidates, angle.argmin(axis=0)[None, ..., None], axis=0)[0]
-    difference = np.where(is_near[..., None], chosen - body.normals, 0.0)
+    difference[~is_near] = 0.0
     window = max(NEIGHBOUR_INRADII * inradius, 1.0)
     blurred = np.stack([gaussian_blur(difference[..., axis], window) for axis in range(3)], axis=-1)
     mean = blurred[is_near] / gaussian_blur(is_near, window)[is_near][:, None]
     scatter = float(np.median(nearest[is_near])) / MEDIAN_OF_RAYLEIGH
     deviation = float(np.degrees(np.median(lengths(mean))))
     return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation, rivalry)
+
+
+def _nearest_candidates(candidates: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angle (H, W) in degrees of the nearest of candidates (K, H, W, 3) to normals (H, W, 3).
+
+    Also returns that candidate's difference (H, W, 3) to the normal. Without a candidate they are 180 degrees and 0.
+    """
+    dtype = np.result_type(candidates, normals)
+    nearest, difference = np.full(normals.shape[:2], 180.0, dtype), np.zeros(normals.shape, dtype)
+    # Layer by layer: all of them together would take several times the memory of the candidates.
+    for layer in candidates:
+        angle = angles(layer, normals)
+        is_nearer = angle < nearest
+        nearest[is_nearer] = angle[is_nearer]
+        difference[is_nearer] = layer[is_nearer] - normals[is_nearer]
+    return nearest, difference

@@ -32,6 +32,14 @@ def test_of_a_line_the_nearest_point_counts_though_the_window_cuts_it() -> None:
     assert blob_centre(line, (-9.0, 8.0)) == pytest.approx((19.5 - (20.0 - 3.0), 8.5))
 
 
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_the_centre_of_a_line_that_is_thicker_at_one_end_lies_on_it(is_mirrored: bool) -> None:
+    line = blob(slice(8, 9), slice(2, 38)) | blob(slice(8, 10), slice(2, 14))
+    assert is_single_highlight(line)
+    centre = blob_centre(line[:, ::-1], (42.0, 8.5)) if is_mirrored else blob_centre(line, (-3.0, 8.5))
+    assert centre == pytest.approx((37.0 if is_mirrored else 2.0, 8.5), abs=0.2)
+
+
 def test_a_highlight_fills_its_convex_hull() -> None:
     disc = cv2.circle(np.zeros((40, 40), np.uint8), (20, 20), 9, 1, -1) > 0
     bent = blob(slice(2, 18), slice(4, 8)) | blob(slice(14, 18), slice(4, 20))
@@ -39,3 +47,11 @@ def test_a_highlight_fills_its_convex_hull() -> None:
     assert not is_single_highlight(cross)
     assert is_single_highlight(disc) and is_single_highlight(blob(slice(3, 4), slice(5, 6)))
     assert is_single_highlight(blob(slice(3, 4), slice(5, 30))) and not is_single_highlight(bent)
+
+
+@pytest.mark.parametrize(("missing", "is_single"), [(7, True), (8, False)])
+def test_a_single_highlight_fills_four_fifths_of_the_pixels_of_its_hull(missing: int, is_single: bool) -> None:
+    pierced = blob(slice(4, 9), slice(10, 17))
+    pierced[5:8, 11:16] = np.arange(15).reshape(3, 5) >= missing
+    assert pierced.sum() == 35 - missing
+    assert is_single_highlight(pierced) is is_single

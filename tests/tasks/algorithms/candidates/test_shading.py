@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import expon
 
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.candidates.shading import (
+    FALSE_MEAN,
     MAX_SHADING,
+    TRUE_MEAN,
     object_shading,
     shading_log_ratio,
     with_object_shading,
@@ -83,3 +86,10 @@ def test_rings_hold_the_frames_at_their_angles(light_size: float) -> None:
 def test_rings_of_a_larger_light_lie_farther_out() -> None:
     assert rings_deg(1.0) == (INNER_RING_DEG, OUTER_RING_DEG)
     assert rings_deg(2.0) == ((9.0, 16.5), (19.5, 34.5))
+
+
+def test_the_ratio_is_that_of_two_exponential_distributions_as_far_as_it_speaks_against_a_highlight() -> None:
+    shading = np.array([[[0.15, 0.2, 0.5, 1.0]]], np.float32)
+    expected = expon.logpdf(shading, scale=TRUE_MEAN) - expon.logpdf(shading, scale=FALSE_MEAN)
+    np.testing.assert_allclose(shading_log_ratio(shading), expected, rtol=1e-5)
+    assert (shading_log_ratio(np.array([[[0.0, 0.1, np.nan]]], np.float32)) == 0.0).all()

@@ -8,7 +8,9 @@ from glint.tasks.algorithms.faces.creases import (
     DEFAULT_ROUNDING_INRADII,
     SILHOUETTE,
     UNSEEN,
+    Edge,
     ObservedFaces,
+    crease_residual,
     creases,
 )
 from glint.tasks.algorithms.faces.observed_faces import Face
@@ -64,3 +66,25 @@ def test_a_single_crease_confirms_no_face(observed: ObservedFaces) -> None:
 def test_edges_of_a_single_face_are_rounded_as_most_are() -> None:
     alone = ObservedFaces.of([face(slice(20, 50), 0.2)], np.ones((60, 80), bool), INRADIUS)
     assert alone.rounding == DEFAULT_ROUNDING_INRADII * INRADIUS
+
+
+def test_the_direction_of_a_crease_lies_in_its_face_and_shows_its_edge() -> None:
+    normal = unit(np.array([0.3, -0.4, 1.0]))
+    edge = Edge(0, np.array([40.0, -70.0]), np.array([52.0, -65.0]), unit(np.array([5.0, -12.0])), UNSEEN)
+    direction = edge.direction(normal)
+    assert direction @ normal == pytest.approx(0.0, abs=1e-9) and np.linalg.norm(direction) == pytest.approx(1.0)
+    assert direction[:2] / np.hypot(*direction[:2]) == pytest.approx([12.0 / 13.0, 5.0 / 13.0])
+    assert edge.length == 13.0
+
+
+def test_planes_meet_where_their_gradients_differ_at_right_angles() -> None:
+    first, second = unit(np.array([[0.3, 0.4, 1.0], [-0.3, -0.4, 1.0]]))
+    along = 40.0 * np.array([-0.8, 0.6])
+    assert crease_residual(along, first, second) == pytest.approx(0.0, abs=1e-6)
+    assert crease_residual(np.array([24.0, 32.0]), first, second) > 10.0
+    turned = 40.0 * np.array([-np.cos(0.7), np.sin(0.7)])
+    assert 0.5 < crease_residual(turned, first, second) < 2.0
+    # A longer edge shows its direction more exactly, and so does a sharper crease.
+    assert crease_residual(4.0 * turned, first, second) > crease_residual(turned, first, second)
+    blunt = [unit(normal + np.array([0.0, 0.0, 2.0])) for normal in (first, second)]
+    assert crease_residual(turned, *blunt) < crease_residual(turned, first, second)

@@ -6,6 +6,7 @@ from glint.tasks.algorithms.frames.shake import is_shown_throughout, knocked_pla
 from glint.tasks.algorithms.frames.stabilization import (
     MIN_REGISTERED,
     TranslationEstimator,
+    downsample,
     register,
     translate,
 )
@@ -134,3 +135,19 @@ def test_a_knock_is_a_step_between_two_places(change: int) -> None:
 def test_a_hand_held_camera_stands_nowhere() -> None:
     walk = np.cumsum(np.random.default_rng(8).normal(0, 0.7, (24, 2)), axis=0)
     assert knocked_places(walk) is None
+
+
+def test_deep_frames_are_registered_by_the_structure_of_shallow_ones() -> None:
+    """In levels of 16 bits the noise of a plain table would be structure, on which no two frames agree."""
+    generator = np.random.default_rng(12)
+    pattern = 200.0 * gaussian_filter(generator.normal(size=(240, 320)), 2)
+    is_plain = (np.indices((240, 320)) // 64 % 2).any(axis=0)
+    table = np.where(is_plain, 90.0, 90.0 + pattern).astype(np.float32)
+    shifts = generator.normal(0.0, 1.0, (16, 2))
+    moved = np.stack([translate(table, shift) for shift in shifts])
+    levels = (moved + generator.normal(0.0, 1.0, moved.shape)).clip(0.0, 255.0)
+    shallow, deep = levels.round().astype(np.uint8), (257.0 * levels).round().astype(np.uint16)
+    for frames in (shallow, deep):
+        _, found = register(np.stack([downsample(frame, 1) for frame in frames]))
+        assert np.abs(found - found[0] - (shifts - shifts[0])).max() < 0.05
+    assert np.abs(downsample(deep[0], 2) - downsample(shallow[0], 2)).max() < 1.0

@@ -25,3 +25,9 @@ def test_blur_is_gaussian_also_where_it_is_made_in_a_smaller_image(sd: float, to
     noise = np.random.default_rng(0).normal(size=(203, 250))
     values = (ndimage.gaussian_filter(noise, 8.0) > 0).astype(float)
     assert np.allclose(gaussian_blur(values, sd), ndimage.gaussian_filter(values, sd), atol=tolerance)
+
+
+@pytest.mark.parametrize("shape", [(400, 3), (3, 400), (1, 1), (2, 2)])
+def test_a_narrow_image_is_blurred_by_more_than_its_width(shape: tuple[int, int]) -> None:
+    values = np.random.default_rng(0).normal(size=shape)
+    assert np.allclose(gaussian_blur(values, 60.0), ndimage.gaussian_filter(values, 60.0), atol=1e-4)

@@ -36,3 +36,18 @@ def test_of_every_other_pixel_the_inradius_is_half_as_many() -> None:
     half = LitPixels(~mask, mask, INRADIUS, swept_cone()).subsampled(2)
     assert half.inradius == INRADIUS / 2 and half.mask.shape == (20, 15)
     assert np.array_equal(half.lit, ~half.mask) and half.lit[0].all() and half.mask[1:].all()
+
+
+def test_nothing_outside_the_mask_is_dark() -> None:
+    mask = np.zeros((40, 40), bool)
+    mask[5:30, 5:30] = True
+    field = np.broadcast_to(tilted(10.0), (40, 40, 3))
+    dark = LitPixels(np.zeros_like(mask), mask, 100.0, swept_cone()).dark(field)
+    assert dark[8:27, 8:27].all() and not dark[~mask].any()
+
+
+def test_a_gap_between_highlights_is_dark_if_it_is_large_for_the_object() -> None:
+    lit, field = np.ones((40, 40), bool), np.broadcast_to(tilted(10.0), (40, 40, 3))
+    lit[10:20, 10:20] = False
+    small, large = (LitPixels(lit, np.ones_like(lit), inradius, swept_cone()).dark(field) for inradius in (50.0, 500.0))
+    assert small[10:20, 10:20].all() and not large.any()

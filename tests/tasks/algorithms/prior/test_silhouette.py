@@ -76,3 +76,10 @@ def test_silhouettes_alone_are_as_good_as_plain_inflation(shared_data: Path, nam
     mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     error = normal_errors(initial_normals(mask).normals, np.load(folder / "truth" / "normals.npy"), mask)
     assert error.squared < 1.15 * whole and error.missing == 0
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2)])
+def test_a_mask_that_fills_a_region_of_few_pixels_has_no_contour_and_faces_the_camera(shape: tuple[int, int]) -> None:
+    found = initial_normals(np.ones(shape, bool))
+    assert not found.contour.any()
+    np.testing.assert_allclose(found.normals, np.broadcast_to([0.0, 0.0, 1.0], (*shape, 3)), atol=1e-6)

@@ -29,3 +29,8 @@ def test_no_surface_hides_between_two_rings_of_lights_but_inside_a_single_one() 
 
 def test_without_candidates_nothing_is_known() -> None:
     assert SweptNormals.of(np.full((2, 5, 5, 3), np.nan, np.float32)) is None
+
+
+def test_the_nearest_normals_beyond_the_lights_surround_the_view() -> None:
+    around = np.stack([tilted(30.0, azimuth) for azimuth in np.arange(0.0, 360.0, 5.0)])
+    assert np.abs(swept_cone().nearest_beyond(around)[:, :2].mean(axis=0)).max() < 0.005

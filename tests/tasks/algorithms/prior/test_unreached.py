@@ -5,7 +5,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.prior.lit_pixels import LitPixels
 from glint.tasks.algorithms.prior.smooth_normals import smooth_normal_field
-from glint.tasks.algorithms.prior.unreached import unreached_normals, with_unreached
+from glint.tasks.algorithms.prior.unreached import _integrable, unreached_normals, with_unreached
 from tests.tasks.algorithms.prior.swept_cones import INRADIUS, SWEEP_DEG, swept_cone, tilted
 
 
@@ -70,3 +70,17 @@ def test_other_data_come_before_dark_pixels() -> None:
     merged, pull = with_unreached(targets, weights, unreached, 0.03)
     assert pull.tolist() == [[0.1, 0.03, 0.0]]
     assert np.array_equal(merged[0], [targets[0, 0], unreached[0, 1], targets[0, 2]])
+
+
+def test_integrable_normals_are_those_of_the_surface_that_accepted_ones_show() -> None:
+    rows, columns = np.indices((61, 71)) - 30.0
+    p, q = 0.4 * np.cos(columns / 15.0), 0.3 * np.sin(rows / 12.0)
+    truth, mask = unit(np.stack([-p, -q, np.ones(p.shape)], axis=-1)), np.hypot(rows, columns) < 29.0
+    inner = np.hypot(rows, columns) < 26.0
+    found = _integrable(truth, np.ones(mask.shape), mask)
+    assert angles(found, truth)[inner].max() < 1.0
+    # What nothing tells bends to what accepted normals around it do.
+    hole = np.hypot(rows - 5.0, columns) < 6.0
+    field = np.where(hole[..., None], tilted(60.0), truth)
+    bent = angles(_integrable(field, np.where(hole, 0.0, 1.0), mask), truth)
+    assert bent[hole].mean() < 0.25 * angles(field, truth)[hole].mean() and bent[inner & ~hole].mean() < 0.5

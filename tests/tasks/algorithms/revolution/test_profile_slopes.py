@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, slope_angles, with_shown_slopes
+from glint.tasks.algorithms.revolution.profile_slopes import (
+    CHANCE_SHARE,
+    COUNTED_SLOPES_DEG,
+    ShownSlopes,
+    with_shown_slopes,
+)
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -62,7 +67,7 @@ class Wall:
     def rivalry(self, candidates: np.ndarray) -> float:
         """Return the median rivalry of other slopes than the true ones, half a radius around the middle of the wall."""
         shown = ShownSlopes.on(self.vase, self.x, self.y, candidates)
-        return float(np.median(shown.rivalry(slope_angles(self.vase))[np.abs(self.vase.heights) < 30.0]))
+        return float(np.median(shown.rivalry(self.vase.slope_angles)[np.abs(self.vase.heights) < 30.0]))
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +144,50 @@ def test_a_second_sheet_of_the_same_symmetry_is_a_rival(wall: Wall) -> None:
 def test_a_sheet_that_changes_around_the_axis_is_none(wall: Wall) -> None:
     false = wall.tilted(40.0 * np.cos(3.0 * wall.azimuth))
     assert wall.rivalry(np.stack([noisy(wall.normals, 1.0), false])) < 0.35
+
+
+@pytest.mark.parametrize("step", [0.25, 1.0, 2.0])
+def test_shares_are_those_of_a_circles_pixels_however_dense_the_samples(wall: Wall, step: float) -> None:
+    heights = np.arange(-60.0, 60.5, step)
+    radii = np.where(np.abs(heights) < 60.0, 40.0, 0.0)
+    cylinder = SurfaceOfRevolution(UPRIGHT, 0.2, heights, radii**2, np.gradient(radii**2, heights) / 2.0)
+    is_hit = np.isfinite(cylinder.intersect(wall.x, wall.y).heights)
+    x, y = wall.x[is_hit], wall.y[is_hit]
+    inside = np.abs(cylinder.intersect(x, y).heights) < 50.0
+    x, y = x[inside], y[inside]
+    normals = cylinder.normals(x, y)
+    half = np.where((np.arange(len(x)) % 2 == 0)[:, None], normals, np.nan)
+    middle = np.abs(heights) < 40.0
+    level = COUNTED_SLOPES_DEG == 0
+    # Half of the pixels show nothing: they are no pixels of the circle.
+    for shown in (normals, half):
+        shares = ShownSlopes.on(cylinder, x, y, shown[None]).shares
+        assert shares[middle][:, level] == pytest.approx(1.0, abs=0.02)
+        assert shares[middle][:, np.abs(COUNTED_SLOPES_DEG) > 12].max() < 0.01
+    both = np.stack([normals, half])
+    assert ShownSlopes.on(cylinder, x, y, both).shares[middle][:, level].max() == 1.0
+
+
+def test_a_circle_of_few_pixels_shows_small_shares() -> None:
+    few = ShownSlopes(np.zeros(1), np.ones(1), np.array([50]), np.bincount([50], minlength=101), 0.5)
+    assert few.shares.max() < CHANCE_SHARE
+
+
+def test_few_normals_move_the_mean_slope_a_part_of_the_way() -> None:
+    def residual(count: int) -> np.ndarray:
+        slopes, samples = np.full(count, 0.05), np.full(count, 50)
+        return ShownSlopes(slopes, np.ones(count), samples, np.zeros(101), 0.5).mean_residual(np.zeros(101))
+
+    one, many = residual(1), residual(1000)
+    assert 0.0 < one[50] < 0.005 and 0.049 < many[50] < 0.05
+    assert one.argmax() == 50 and (one >= 0.0).all() and one[40] == 0.0
+
+
+def test_the_mean_slope_is_smoothed_over_the_same_length_whatever_the_step() -> None:
+    def width(step: float) -> float:
+        samples = np.full(5, round(10.0 / step))
+        shown = ShownSlopes(np.full(5, 0.05), np.ones(5), samples, np.zeros(round(20.0 / step) + 1), step)
+        residual = shown.mean_residual(np.zeros(len(shown.circles)))
+        return step * float((residual > residual.max() / 2.0).sum())
+
+    assert width(0.1) == pytest.approx(width(0.2), abs=0.3)

@@ -7,7 +7,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
 from glint.tasks.algorithms.revolution.symmetry import FitLimits, surface_of_revolution_normals
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
-from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
+from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable, turned
 
 
 def no_candidates() -> np.ndarray:
@@ -34,6 +34,20 @@ def test_a_flat_end_alone_shows_no_axis() -> None:
     silhouette = SilhouetteSymmetry(np.isfinite(truth[..., 0]))
     end = np.where((truth @ normal > 0.99)[..., None], truth, np.nan)
     assert surface_of_revolution_normals(silhouette, end, no_candidates()) is None
+
+
+def test_circles_of_which_candidates_show_another_slope_as_well_have_a_rival() -> None:
+    truth = beaker_normals(14.0)
+    mask, (_, y) = np.isfinite(truth[..., 0]), camera_positions()
+    end = truth @ np.array([0.0, np.cos(np.radians(14.0)), np.sin(np.radians(14.0))]) > 0.99
+    steeper = turned(np.broadcast_to(np.radians([0.0, 15.0]), (*SHAPE, 2)), 14.0)
+    sheets = np.stack([observable(truth), np.where((y < 0.0)[..., None], observable(steeper), np.nan)])
+    found = surface_of_revolution_normals(SilhouetteSymmetry(mask), observable(truth), sheets)
+    assert found is not None and found.rivalry is not None
+    assert found.rivalry.dtype == np.float32
+    lower, upper = mask & (y > -50.0) & (y < -20.0), mask & (y > 20.0) & (y < 50.0)
+    assert np.median(found.rivalry[lower]) > 0.7 and np.median(found.rivalry[upper]) < 0.1
+    assert (found.rivalry[~mask] == 0.0).all() and np.median(found.rivalry[end]) == 0.0
 
 
 @pytest.mark.long

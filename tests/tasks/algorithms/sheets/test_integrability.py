@@ -43,3 +43,16 @@ def test_scraps_count_slightly_against() -> None:
     lonely[0, 20, 20] = (0.0, 0.0, 1.0)
     ratio = shape_log_ratio(lonely, RADIUS)
     assert ratio[0, 20, 20] < 0 and np.isnan(ratio).sum() == SIZE * SIZE - 1
+
+
+def test_gaps_in_the_window_do_not_change_the_jacobian() -> None:
+    p, q = (-1.0, 0.5), (0.2, -0.6)
+    layer = sheet(p, q)
+    layer[:, np.random.default_rng(0).random((SIZE, SIZE)) < 0.6] = np.nan
+    layer[:, 20:, :20] = np.nan
+    curl, size, convexity = np.moveaxis(sheet_jacobian(layer, 1), -1, 0) * RADIUS
+    known = np.isfinite(curl)
+    assert known.sum() > 300
+    assert curl[known] == pytest.approx(p[1] - q[0], abs=0.02)
+    assert size[known] == pytest.approx(np.hypot(np.hypot(*p), np.hypot(*q)), abs=0.02)
+    assert convexity[known] == pytest.approx(-p[0] - q[1], abs=0.02)

@@ -34,3 +34,17 @@ def test_means_of_a_long_sheet_are_those_of_its_parts() -> None:
     means = sheet_means(sheets, values, 5.0)
     np.testing.assert_allclose(means[5, [10, 90]], [3.0, -1.0], atol=1e-3)
     np.testing.assert_allclose(sheet_means(sheets, values, 60.0), 1.0)
+
+
+def test_values_beside_a_sheet_do_not_enter_its_means() -> None:
+    bent = np.full((80, 80), -1)
+    bent[10:70, 10:14] = bent[66:70, 10:70] = 0
+    values = np.where(bent == 0, 3.0, 100.0)
+    np.testing.assert_allclose(sheet_means(bent, values, 5.0)[bent == 0], 3.0, rtol=1e-5)
+
+
+def test_a_small_sheet_is_averaged_as_a_whole_wherever_it_lies() -> None:
+    sheets = np.full((90, 90), -1)
+    sheets[80:88, 70:78] = 0
+    values = np.where(np.arange(90) < 74, 1.0, 2.0) * np.ones((90, 1))
+    assert (sheet_means(sheets, values, 4.0)[sheets == 0] == 1.5).all()

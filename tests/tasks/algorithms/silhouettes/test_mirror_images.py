@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
+from glint.tasks.algorithms.silhouettes.mirror_images import (
+    completed_silhouette,
+    mirror_axes,
+    mirror_images,
+    symmetric_body,
+)
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
 from tests.tasks.algorithms.overlap import overlap
 from tests.tasks.algorithms.revolution.beaker import camera_positions
@@ -54,3 +59,15 @@ def test_a_mirror_image_beside_the_silhouette_shows_no_body() -> None:
     mask = np.zeros((40, 60), bool)
     mask[10:30, 5:20] = True
     assert symmetric_body(mask, mask[:, ::-1]) is None
+
+
+@pytest.mark.parametrize("turn", [0.0, 17.3, -41.0])
+def test_the_axis_of_a_body_beside_a_handle_is_found_to_a_fraction_of_a_pixel(turn: float) -> None:
+    rows, columns = np.indices((110, 130)).astype(float)
+    middle, normal = np.array([64.37, 55.21]), np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+    across = (columns - middle[0]) * normal[0] + (rows - middle[1]) * normal[1]
+    along = (rows - middle[1]) * normal[0] - (columns - middle[0]) * normal[1]
+    body = (np.abs(across) < 22.0 + 6.0 * np.sin(along / 9.0)) & (np.abs(along) < 42.0)
+    axis = mirror_axes(body | (np.hypot(across - 26.0, along + 8.0) < 12.0))[0]
+    assert abs((middle - axis.centre) @ axis.normal - axis.offset) < 0.2
+    assert abs(axis.normal @ normal) > np.cos(np.radians(0.2))
