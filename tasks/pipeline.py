@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=37,
+        version=38,
     ),
     Stage(
         "frames",
@@ -99,7 +99,7 @@ STAGES = (
             "half_vectors": ArraySchema("N3", "f", "all"),
             "kind": ArraySchema("N", "i"),
         },
-        version=4,
+        version=5,
     ),
     Stage(
         "silhouette",
