@@ -25,6 +25,8 @@ def glint_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="session")
 def server(glint_home: Path) -> Iterator[Server]:
     """A Prefect server of its own, to which flows called in a test report."""
+    # A run inside a test may have left the address of a server that has ended since.
+    os.environ.pop("PREFECT_API_URL", None)
     found = start_server(glint_home)
     with found.connected():
         yield found

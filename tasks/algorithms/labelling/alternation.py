@@ -136,7 +136,7 @@ class Alternation:
         if self.expected is None:
             targets, pull = self.view.outward, np.where(self.view.rim, weights.rim, 0.0)
         else:
-            precision = (self.options.field_error.floor / self._field_error.floor) ** 2
+            precision = 1.0 if fit is None else fit.precision
             targets, pull = self.expected, np.full(self.view.mask.shape, weights.expected * precision)
         # A mark says which sheet is true, not how exact it is: only what was rejected before it must bend the field.
         is_newly_exterior = self.labels & ~self.unmarked_labels

@@ -81,10 +81,10 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
     ours, silhouette = found.method("glint"), found.method("silhouette only")
     assert found.method("winner takes all").observed_region.squared > 0.22, "false highlights mislead the baseline"
     assert (
-        ours.observed_region.squared < 0.015 * silhouette.observed_region.squared
+        ours.observed_region.squared < 0.023 * silhouette.observed_region.squared
         and ours.whole_mask.squared < 0.21 * silhouette.whole_mask.squared
     )
-    assert ours.observed_region.squared < 9.6e-5 and ours.whole_mask.squared < 0.0017
+    assert ours.observed_region.squared < 1.5e-4 and ours.whole_mask.squared < 0.0017
     labels = work.load("labels")
     names = labels.record["provenance"]
     observed = labels.read("provenance") == names.index("observed")
@@ -125,7 +125,7 @@ def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Pa
         place = tuple(pixels[np.hypot(*(pixels - (y, x)).T).argmin()])
         results[kind] = work.load("labels").read("normals")[place]
         target = field[place] if kind == "true" else scene.normals[place]
-        assert angles(results[kind], target) < {"true": 2.5, "false": 0.3}[kind]
+        assert angles(results[kind], target) < {"true": 2.5, "false": 0.4}[kind]
     assert angles(results["true"], results["false"]) > 28.0
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
-from glint.tasks.algorithms.vessels.body_fit import LARGEST_SCATTER_DEG, MAX_TRUST, body_fit
+from glint.tasks.algorithms.vessels.body_fit import LARGEST_SCATTER_DEG, MAX_PRECISION, MAX_TRUST, body_fit
 
 SHAPE = (80, 90)
 MASK = np.hypot(*(np.indices(SHAPE) - np.array([40, 45])[:, None, None])) < 35
@@ -66,3 +66,10 @@ def test_confidence_falls_where_another_slope_is_shown_as_often() -> None:
 
 def test_a_body_of_which_no_rivalry_is_known_keeps_its_confidence() -> None:
     assert (body_fit(BODY, candidates(1.5), MASK, INRADIUS).confidence == 1.0).all()
+
+
+def test_a_body_predicts_what_is_dark_by_its_deviation() -> None:
+    exact, off, far = (body_fit(BODY, candidates(0.3, deviation), MASK, INRADIUS) for deviation in (0.0, 0.5, 2.0))
+    assert exact.precision == MAX_PRECISION
+    assert off.precision == pytest.approx(4.0, rel=0.2)
+    assert far.precision == 1.0
