@@ -22,7 +22,7 @@ NEIGHBOUR_INRADII = 0.08
 """Standard deviation of the window over which candidates are averaged, in inradii of the object."""
 NEIGHBOURHOOD_DEG = 0.5
 """Error of the mean of neighbouring candidates, which a body with a smaller deviation outweighs."""
-FIELD_DEG, MAX_PRECISION = 1.0, 16.0
+USUAL_FIELD_DEG, MAX_PRECISION = 1.0, 16.0
 """Deviation of a body from which it predicts no more than a usual expected field between accepted normals, and the
 largest factor by which it predicts more."""
 MAX_TRUST = 5.0
@@ -51,7 +51,7 @@ class BodyFit(NamedTuple):
     @property
     def precision(self) -> float:
         """Factor of the weight of the body's normal where none was accepted, 1 if it is no better than any field."""
-        return float(np.clip((FIELD_DEG / max(self.deviation_deg, 1e-3)) ** 2, 1.0, MAX_PRECISION))
+        return float(np.clip((USUAL_FIELD_DEG / max(self.deviation_deg, 1e-3)) ** 2, 1.0, MAX_PRECISION))
 
     @property
     def confidence(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.reconstruction import settle
 from glint.tasks.algorithms.labelling.results import blended_normals
-from glint.tasks.algorithms.vessels.body_fit import FIELD_DEG, NEIGHBOURHOOD_DEG, RIVALRIES, WALL_SHARES, BodyFit
+from glint.tasks.algorithms.vessels.body_fit import USUAL_FIELD_DEG, NEIGHBOURHOOD_DEG, RIVALRIES, WALL_SHARES, BodyFit
 from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, pebble
 
 
@@ -49,7 +49,7 @@ def test_a_body_counts_beside_accepted_normals_by_its_trust(scene: Scene, settle
     np.testing.assert_allclose(targets[known], 0.2 * settled.values[known] + 0.8 * truth[known], atol=1e-7)
     np.testing.assert_allclose(pull[known], 5.0 * weights.observed)
     # A quarter of a usual field's deviation: sixteen times its weight.
-    np.testing.assert_allclose(pull[rest], (FIELD_DEG / fit.deviation_deg) ** 2 * weights.expected)
+    np.testing.assert_allclose(pull[rest], (USUAL_FIELD_DEG / fit.deviation_deg) ** 2 * weights.expected)
 
 
 def test_candidates_that_scatter_little_about_a_body_are_told_from_others_by_small_angles(
