@@ -10,7 +10,7 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.reconstruction import settle
 from glint.tasks.algorithms.labelling.results import blended_normals
-from glint.tasks.algorithms.vessels.body_fit import USUAL_FIELD_DEG, NEIGHBOURHOOD_DEG, RIVALRIES, WALL_SHARES, BodyFit
+from glint.tasks.algorithms.vessels.body_fit import NEIGHBOURHOOD_DEG, RIVALRIES, USUAL_FIELD_DEG, WALL_SHARES, BodyFit
 from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, pebble
 
 
