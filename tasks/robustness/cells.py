@@ -10,7 +10,6 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture
 from glint.storage.errors import InputError
-from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import CONFIDENT
@@ -19,6 +18,7 @@ from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
+from glint.tasks.evaluation.truth import load_truth
 from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.robustness.perturbations import PERTURBATIONS, UNPERTURBED
 from glint.tasks.robustness.perturbed_captures import write_perturbed
@@ -110,10 +110,9 @@ def measure_cell(task: CellTask, shared: None = None) -> Cell | None:
 def _compare(context: CaptureContext) -> tuple[float, float, float]:
     """Return mean error in degrees, confident share of the mask, and share of the confident pixels that are right."""
     mask, labels = context.load("mask").read("mask"), context.load(LABELLING)
-    assert context.capture.truth is not None
-    truth = read_truth(context.capture.truth, mask.shape).normals
+    truth = load_truth(context, mask.shape)
     assert truth is not None
-    error = angles(labels.read("normals"), truth)
+    error = angles(labels.read("normals"), truth.normals)
     is_confident = mask & (labels.read("confidence") >= CONFIDENT)
     right = error[is_confident] < CONFIDENT_ERROR_DEG
     known = error[mask & np.isfinite(error)]

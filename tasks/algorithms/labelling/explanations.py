@@ -138,8 +138,8 @@ def _adopt_symmetry(state: Alternation) -> bool:
     if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
         return False
     state.relief_fit = rotational.relief_fit
-    fit = body_fit(rotational, view.normals, view.mask, view.inradius)
-    state.expect(rotational.normals, rotational.depths, None if rotational.relief_fit > 0.0 else fit)
+    fit = None if rotational.relief_fit > 0.0 else body_fit(rotational, view.normals, view.mask, view.inradius)
+    state.expect(rotational.normals, rotational.depths, fit)
     return True
 
 

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
@@ -116,12 +117,7 @@ class ShownSlopes:
         PRIOR_NORMALS draw it towards 0, which it is where none are shown.
         """
         residual = self.slopes - slopes[self.samples]
-        total, sums = (
-            ndimage.gaussian_filter1d(
-                np.bincount(self.samples, values, minlength=len(slopes)), MEAN_SIGMA_PX / self.step, mode="constant"
-            )
-            for values in (self.weights, self.weights * residual)
-        )
+        total, sums = blurred_sums(self.samples, self.weights, residual, len(slopes), MEAN_SIGMA_PX / self.step)
         return np.asarray(sums / (total + PRIOR_NORMALS))
 
 

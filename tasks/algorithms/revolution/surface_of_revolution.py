@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
@@ -223,12 +224,7 @@ class SurfaceOfRevolution:
             residual = measured - np.interp(hits.heights, self.heights, angle)
             used = np.isfinite(residual) & (np.abs(residual) < np.radians(MAX_SLOPE_CORRECTION_DEG))
             sample = np.rint((hits.heights[used] - self.heights[0]) / step).astype(int).clip(0, len(angle) - 1)
-            total, sums = (
-                ndimage.gaussian_filter1d(
-                    np.bincount(sample, values, minlength=len(angle)), SLOPE_SIGMA_PX / step, mode="constant"
-                )
-                for values in (np.ones(len(sample)), residual[used])
-            )
+            total, sums = blurred_sums(sample, np.ones(len(sample)), residual[used], len(angle), SLOPE_SIGMA_PX / step)
             angle = angle + np.where(self.is_wall, sums / (total + CONTOUR_SLOPE_WEIGHT), 0.0)
         return self.with_slope_angles(angle)
 

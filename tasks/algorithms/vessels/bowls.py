@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions, positions_at, sampled_pixels, to_camera
@@ -211,12 +211,8 @@ def _measured_slopes(
     if used.sum() < MIN_ROUND_NORMALS:
         return None
     place = np.rint((rim - hits.heights[used]) / DEPTH_STEP_PX).astype(int).clip(0, count - 1)
-    weight, total = (
-        ndimage.gaussian_filter1d(
-            np.bincount(place, values, minlength=count).astype(float), SLOPE_SIGMA_SAMPLES, mode="constant"
-        )
-        for values in (np.ones(len(place)), np.arctan2(axial, inward)[used])
-    )
+    shown = np.arctan2(axial, inward)[used]
+    weight, total = blurred_sums(place, np.ones(len(place)), shown, count, SLOPE_SIGMA_SAMPLES)
     known = np.flatnonzero(weight > MIN_SAMPLE_WEIGHT)
     slope_angles = np.interp(np.arange(count), known, total[known] / weight[known])
     slope_angles[known[-1] + 1 :] = np.arctan(MAX_RADIUS_SLOPE)
