@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=16,
+        version=17,
     ),
     Stage(
         "mask",

@@ -3,15 +3,18 @@
 A near light brightens the side of the background above which it stands: irradiance falls off with the square of the
 distance and the cosine of incidence. Relative to one place and one frame, the logarithm of a place's level depends
 neither on the cloth's albedo nor on the exposure, nor on the light's brightness, so the pattern that remains shows the
-inverse distance (near point lights: Papadhimitri and Favaro 2014).
+inverse distance (near point lights: Papadhimitri and Favaro 2014). A codec, which holds levels back, weakens that
+pattern (`held_levels`); its slack is fitted together with the inverse distance.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from glint.tasks.algorithms.geometry.robust import robust_deviation
+from glint.tasks.algorithms.near_light.held_levels import held_back
 from glint.tasks.algorithms.near_light.positions import SphereLights
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
 
@@ -22,9 +25,6 @@ OUTLIER_DEVIATIONS = 4.0
 ROUNDING_DEVIATION = 12.0**-0.5
 """Least such deviation, in levels: that of rounding. On a plain table most levels can be equal, and the pattern is in
 those that are not."""
-MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
-"""Least number of frames with changed levels for these alone to be used, and least numbers of changes in a frame and at
-a place for their medians to be known."""
 ITERATIONS = 5
 """Times that the inverse distance is improved."""
 START_REACHES = 0.02
@@ -33,6 +33,10 @@ MEDIAN_ROUNDS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
 """Groups of consecutive frames of which each is left out in turn."""
+SLACKS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
+"""Slacks of a codec that are tried, in levels."""
+DISTANCE_TOLERANCE = 0.01
+"""Inverse distance to which each fit with a slack is exact, times the distance of the farthest place."""
 MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
 
@@ -47,7 +51,7 @@ class PatternFit:
     @property
     def is_significant(self) -> bool:
         """Whether the light is near beyond doubt."""
-        return self.inverse_distance >= MIN_SIGNIFICANCE * self.standard_error
+        return self.inverse_distance > max(0.0, MIN_SIGNIFICANCE * self.standard_error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,6 @@ class Background:
 
     logarithms: (T, N), of the levels.
     used: (T, N) bool, which of them count.
-    changes: (T, N), absolute change of each level since the frame before, NaN in the first.
     points: (N, 3), of the places, pixels from the reference point, y up.
     table: their plane.
     site: the sphere that shows the light's directions in these frames.
@@ -65,7 +68,6 @@ class Background:
 
     logarithms: np.ndarray
     used: np.ndarray
-    changes: np.ndarray
     points: np.ndarray
     table: TablePlane
     site: SphereLights
@@ -79,20 +81,9 @@ class Background:
             self,
             logarithms=self.logarithms[chosen],
             used=self.used[chosen],
-            changes=self.changes[chosen],
             points=self.points[places],
             site=site,
         )
-
-    def of_changes(self, least: float) -> "Background | None":
-        """Return the part whose levels have changed by at least so much; None where it is too small."""
-        changed = self.changes >= least
-        used = changed & (changed.sum(axis=1) >= MIN_FRAME_PLACES)[:, None]
-        places = used.sum(axis=0) >= MIN_PLACE_FRAMES
-        frames = used[:, places].any(axis=1)
-        if frames.sum() < MIN_CHANGED_FRAMES or places.sum() < MIN_PLACES:
-            return None
-        return replace(self, used=used).part(frames, places)
 
     def without_outliers(self) -> "Background":
         """Return the background without what lies in a shadow or a caustic."""
@@ -123,6 +114,21 @@ class Background:
 
         return PatternFit(inverse, standard_error(len(self.used), again))
 
+    def fit_with_slack(self) -> float:
+        """Return the inverse distance, 1/pixels, of the least squares, for the slack that explains most."""
+        pattern, best = _without_medians(self.logarithms, self.used), (np.inf, 0.0)
+        for slack in SLACKS:
+
+            def residual(inverse: float, slack: float = slack) -> float:
+                return float(np.nanmean((self._shown_model(inverse, slack) - pattern) ** 2))
+
+            tolerance = {"xatol": DISTANCE_TOLERANCE / self._reach}
+            minimum = minimize_scalar(residual, bounds=(0.0, 1.0 / self._reach), method="bounded", options=tolerance)
+            if minimum.fun >= best[0]:
+                break
+            best = float(minimum.fun), float(minimum.x)
+        return best[1]
+
     @property
     def _reach(self) -> float:
         """Distance of the farthest place, pixels."""
@@ -130,9 +136,20 @@ class Background:
 
     def _model(self, inverse: float) -> np.ndarray:
         """Return the pattern (T, N) of a light at an inverse distance."""
+        return _without_medians(self._log_levels(inverse), self.used)
+
+    def _shown_model(self, inverse: float, slack: float) -> np.ndarray:
+        """Return the pattern (T, N) of a light at an inverse distance as a codec with a slack shows it."""
+        model = self._log_levels(inverse)
+        for axis in (1, 0):
+            model = model - np.median(model - self.logarithms, axis=axis, keepdims=True)
+        return _without_medians(np.log(held_back(np.exp(model), slack)), self.used)
+
+    def _log_levels(self, inverse: float) -> np.ndarray:
+        """Return the logarithm (T, N) of levels, up to a term of each frame and place, of a light at an inverse
+        distance."""
         directions = self.site.at_reference(np.full(len(self.used), inverse))
-        model = self.table.log_levels(self.points, directions, inverse, self.room_share)
-        return _without_medians(model, self.used)
+        return self.table.log_levels(self.points, directions, inverse, self.room_share)
 
     def _inverse(self, start: float, iterations: int) -> float:
         """Return the inverse distance, 1/pixels, that explains the pattern, from an approximate one, `start`."""

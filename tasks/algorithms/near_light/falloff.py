@@ -2,9 +2,8 @@
 
 The background is the plane of the table, at any angle to the camera (`table_plane`). The pattern that falloff leaves on
 it shows the light's inverse distance (`background_pattern`). Light of the room weakens the pattern; how much there is
-shows in the darkest shadow, or in how the background follows the light's cosine. A codec holds a block's level until it
-has changed by a few levels, which weakens the pattern too, or leaves none: levels count where they have just changed,
-and how far they are held back bounds what they can show.
+shows in the darkest shadow, or in how the background follows the light's cosine. A codec that holds levels back weakens
+the pattern too, or leaves none: its slack is fitted, and how far levels are held back bounds what they can show.
 """
 
 from dataclasses import dataclass
@@ -27,20 +26,18 @@ MAX_LEVEL_PERCENTILE = 95.0
 """Percentile over the frames of a place's level that must not be clipped; in the rest it may be."""
 MAX_PLACES = 400
 """Places, spread over the background, that are used: more do not help."""
-MAX_ROOM_SHARE = 0.65
+MAX_ROOM_SHARE = 0.7
 """Share of the room's light in the background's beyond which the light's pattern is not trusted."""
 ROOM_DEVIATIONS = 2.0
 """Standard errors by which the room may have more light than the cosine shows."""
 PLANE_ROUNDS = 2
 """Times that the table's plane is measured, with the light's distance in between."""
-LEAST_CHANGE = 1.0
-"""Change of a level since the frame before, in levels, from which it is known to be coded anew. The largest changes are
-those of moving shadows and caustics (`python -m tests.benchmarks.table_lights`)."""
 HELD_DEVIATION = 3.0**-0.5
 """Standard deviation of an error that lies anywhere within what a level is held back, relative to that."""
-EXPONENT_ERROR, ROOM_ERROR = 0.2, 0.1
-"""Standard deviations of the camera's exponent, relative (with the light's beam: that of sRGB is a fifth larger at dark
-levels), and of the room's share by shadows that are not wholly dark."""
+SLACK_ERROR, EXPONENT_ERROR, ROOM_ERROR = 0.5, 0.2, 0.06
+"""Standard deviations of what the slack of a codec adds, relative, since blocks differ in it; of the camera's exponent,
+relative (with the light's beam: that of sRGB is a fifth larger at dark levels); and of the room's share by shadows
+(`python -m tests.benchmarks.table_lights`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +85,7 @@ def measure_falloff(
             known = np.hypot(fit.standard_error, max(fit.inverse_distance, 0.0))
             return Falloff(0.0, float(np.hypot(known, hidden)))
         inverse = fit.inverse_distance
-    return _falloff_by_changes(background, fit, hidden)
+    return _near_falloff(background.without_outliers(), fit, hidden)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +117,6 @@ class _Table:
         return Background(
             logarithms,
             np.ones(logarithms.shape, bool),
-            np.abs(np.diff(self.levels, axis=0, prepend=np.nan))[frames],
             plane.points(self.x, self.y),
             plane,
             SphereLights(self.site.lights[frames], self.site.positions[frames]),
@@ -158,19 +154,13 @@ def _held_levels(levels: np.ndarray) -> float:
     return drift * float(is_held.sum() / max(int((~is_held).sum()), 1))
 
 
-def _falloff_by_changes(background: Background, whole: PatternFit, hidden: float) -> Falloff:
-    """Return the falloff by the levels that have just changed, where they show it; else `whole`, the fit of all levels.
+def _near_falloff(background: Background, whole: PatternFit, hidden: float) -> Falloff:
+    """Return the falloff of a near light, what a codec holds back allowed for.
 
-    Moving shadows and caustics change levels most, so changes alone do not decide whether a light is near at all.
-
-    hidden: inverse distance whose pattern a codec may hide, 1/pixels.
+    whole: the fit that does not allow for it. hidden: inverse distance whose pattern a codec may hide, 1/pixels.
     """
-    part = background.of_changes(LEAST_CHANGE)
-    changed = whole if part is None else part.without_outliers().fit()
-    fit = changed if changed.is_significant else whole
-    # What a codec weakened among all levels may still be weakened as much among those that changed.
-    held = fit.inverse_distance - whole.inverse_distance
+    inverse = background.fit_with_slack()
     room = np.hypot(ROOM_ERROR, background.room_deviation) / (1.0 - background.room_share)
-    model = fit.inverse_distance * np.hypot(EXPONENT_ERROR, room)
-    deviation = np.sqrt(fit.standard_error**2 + model**2 + held**2 + hidden**2)
-    return Falloff(fit.inverse_distance, float(deviation))
+    model = inverse * np.hypot(EXPONENT_ERROR, room)
+    held = SLACK_ERROR * (inverse - whole.inverse_distance)
+    return Falloff(inverse, float(np.sqrt(whole.standard_error**2 + model**2 + held**2 + hidden**2)))

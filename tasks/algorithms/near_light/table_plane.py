@@ -14,8 +14,10 @@ from glint.tasks.algorithms.geometry.vectors import unit
 
 CAMERA_EXPONENT = 1.0 / 2.2
 """Exponent of a usual camera's levels over irradiance."""
-SHADOW_PERCENTILE, SHADOWED_PLACES_PERCENTILE = 1.0, 2.0
-"""Percentile over the frames of a place's level in shadow, and over the places: the darkest shadow, without noise."""
+SHADOWED_PLACES_PERCENTILE, SHADOW_PERCENTILE = 2.0, 1.0
+"""Percentile over the places of the levels in a frame, and of these over the frames: the darkest shadow."""
+NOISE_QUANTILE = 2.05
+"""Standard deviations that this percentile of the places lies below the median of all that are equally dark."""
 MIN_NORMAL_Z = 0.1
 """Least z of the plane's normal: at less the table would hardly be seen."""
 MIN_INCIDENCE = 0.02
@@ -65,8 +67,13 @@ class TablePlane:
 
 def shadow_share(levels: np.ndarray) -> float:
     """Return the share of the room's light in the table's that the darkest shadow in levels (T, N) leaves possible."""
-    darkest = np.percentile(levels, SHADOW_PERCENTILE, axis=0) / np.median(levels, axis=0)
-    return float(np.percentile(darkest, SHADOWED_PLACES_PERCENTILE)) ** (1.0 / CAMERA_EXPONENT)
+    brightness = np.log(levels / np.median(levels, axis=0))
+    usual = np.median(brightness, axis=1)
+    noise = robust_deviation(brightness - usual[:, None])
+    shadowed = np.percentile(brightness, SHADOWED_PLACES_PERCENTILE, axis=1) + NOISE_QUANTILE * noise
+    # The whole table is dark where the light is off or behind it.
+    darkest = np.percentile(np.minimum(shadowed, usual), SHADOW_PERCENTILE)
+    return float(np.exp(darkest / CAMERA_EXPONENT))
 
 
 def table_normal(levels: np.ndarray, lights: np.ndarray) -> np.ndarray:

@@ -34,6 +34,19 @@ def test_the_darkest_shadow_bounds_the_light_of_the_room() -> None:
     assert 0.18 < share < 0.24
 
 
+def test_noise_does_not_pass_for_a_darker_shadow() -> None:
+    levels = levels_of(np.array([0.0, 0.0, 1.0]), spiral(300, 40.0), room=0.25)
+    noisy = levels + np.random.default_rng(1).normal(0.0, 3.0, levels.shape)
+    assert shadow_share(noisy) == pytest.approx(shadow_share(levels), rel=0.07)
+
+
+def test_a_light_that_is_off_for_a_while_shows_the_light_of_the_room() -> None:
+    lights = spiral(300, 40.0)
+    levels = levels_of(np.array([0.0, 0.0, 1.0]), lights, room=0.25)
+    levels[:6] = (0.1 / 0.25) ** (1.0 / 2.2) * levels.min(axis=0)
+    assert 0.06 < shadow_share(levels) < 0.1
+
+
 def test_the_plane_touches_the_sphere_from_below() -> None:
     normal = unit(np.array([0.1, 0.7, 0.6]))
     plane = TablePlane.below(normal, CENTRE, RADIUS)
