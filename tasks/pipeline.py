@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=17,
+        version=18,
     ),
     Stage(
         "mask",
@@ -143,7 +143,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=61,
+        version=62,
     ),
     Stage(
         "depth",

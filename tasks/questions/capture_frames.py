@@ -1,5 +1,6 @@
 """Frames of a stored capture, read where a person looks: levels of a pixel, levels of a frame, tracks of highlights."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +16,7 @@ from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.light_distance import load_near_light
 from glint.tasks.stages.markup import corrected, corrected_tracks, marks_in_region
+from glint.tasks.stages.wall_distance import half_vectors_with_distance, marks_with_distance
 
 KEPT_BLOCKS = 8
 """Parts of the frames that are kept for the next highlight."""
@@ -33,6 +35,7 @@ class CaptureFrames:
         self.thresholds: np.ndarray = work.load("thresholds").read("thresholds")
         self.half_vectors: np.ndarray = work.load("lights").read("half_vectors")
         self._near_light = load_near_light(work)
+        self._distance_change: float = work.load("labels").record["inverse_distance_change"]
         self.cache = open_frames(work)
         self.levels = lru_cache(maxsize=64)(self._read_levels)
         self.levels_of_frame = lru_cache(maxsize=8)(self._read_frame)
@@ -48,7 +51,8 @@ class CaptureFrames:
     def half_vectors_of(self, row: int, column: int) -> np.ndarray:
         """Return the half vectors (T, 3) of the frames as seen at a pixel of the region."""
         pixels = np.tile(np.array([[row, column]]), (len(self.half_vectors), 1))
-        return corrected(self.half_vectors, pixels, self._near_light, self.geometry)
+        seen_at = corrected(self.half_vectors, pixels, self._near_light, self.geometry)
+        return half_vectors_with_distance(seen_at, pixels, self.geometry, self._distance_change)
 
     def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
         """Return annotations and their tracks as marks; None where there are none."""
@@ -66,7 +70,8 @@ class CaptureFrames:
             self.half_vectors,
             (region.x, region.y),
         )
-        return corrected_tracks(tracks, self._near_light, self.geometry)
+        tracks = corrected_tracks(tracks, self._near_light, self.geometry)
+        return replace(tracks, marks=marks_with_distance(tracks.marks, self.geometry, self._distance_change))
 
     def _follow(self, frame: int, x: float, y: float, start: int, stop: int) -> list[tuple[int, int, int]]:
         span = slice(start, stop)

@@ -43,7 +43,7 @@ class ShownQuestion:
 
 
 class CaptureQuestions:
-    """The sheets of a capture whose stages up to `clusters` are stored, labelled again with each set of annotations."""
+    """The sheets of a capture whose stages up to `labels` are stored, labelled again with each set of annotations."""
 
     def __init__(self, work: CaptureContext) -> None:
         """Load what the labelling reads.

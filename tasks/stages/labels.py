@@ -20,6 +20,7 @@ from glint.tasks.algorithms.labelling.results import (
     OBSERVED,
     OUTSIDE,
     PROVENANCE,
+    BodyWall,
     Reconstruction,
     exterior_normals,
 )
@@ -36,6 +37,7 @@ from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
 from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
+from glint.tasks.stages.wall_distance import WallDistance, wall_distance, with_distance
 
 CHANGED_SCENE_SHARE = 0.5
 """Share of the normals that can be trusted where a part of the frames shows another scene: of two such captures 43 and
@@ -59,6 +61,11 @@ class LabelledView:
 
 
 def load_view(results: CaptureResults) -> LabelledView:
+    """Load the view as it was labelled."""
+    return _with_distance(results, _load_view(results), results.load("labels").record["inverse_distance_change"])
+
+
+def _load_view(results: CaptureResults) -> LabelledView:
     """Load the view from what the stages before have saved."""
     return LabelledView(
         load_clusters(results),
@@ -69,13 +76,23 @@ def load_view(results: CaptureResults) -> LabelledView:
     )
 
 
+def _with_distance(results: CaptureResults, view: LabelledView, change: float) -> LabelledView:
+    """Return the view as it is with another inverse distance of the light, changed by so much, 1/pixels."""
+    clusters, marks = with_distance(view.clusters, view.marks, load_geometry(results), change)
+    return replace(view, clusters=clusters, marks=marks)
+
+
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
-    view, readmission = load_view(inputs), has_readmission(inputs.field("pose"))
+    view, readmission = _load_view(inputs), has_readmission(inputs.field("pose"))
     result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
+    distance = wall_distance(inputs, view.clusters.normals, result)
+    if distance is not None and distance.change != 0.0:
+        view = _with_distance(inputs, view, distance.change)
+        result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
     light_doubt = _light_doubt(inputs, view.clusters, result.labels)
     camera_doubt = _camera_doubt(inputs, view.clusters, result.labels)
-    confidence = _confidence(inputs, view.mask, result, light_doubt, camera_doubt)
+    confidence = _confidence(inputs, view.mask, result, light_doubt, camera_doubt, distance)
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     confident = float((confidence[result.provenance != OUTSIDE] >= CONFIDENT).mean())
     return StageOutput(
@@ -92,20 +109,28 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             "rounds": [
                 {"exterior": iteration.exterior, "changed": iteration.changed} for iteration in result.iterations
             ],
+            "inverse_distance_change": 0.0 if distance is None else distance.change,
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
-        warnings=[*light_doubt.warnings, *camera_doubt.warnings],
+        warnings=[*light_doubt.warnings, *camera_doubt.warnings, *(() if distance is None else distance.warnings)],
     )
 
 
 def _confidence(
-    inputs: StageInputs, mask: np.ndarray, result: Reconstruction, light_doubt: LightDoubt, camera_doubt: CameraDoubt
+    inputs: StageInputs,
+    mask: np.ndarray,
+    result: Reconstruction,
+    light_doubt: LightDoubt,
+    camera_doubt: CameraDoubt,
+    distance: WallDistance | None,
 ) -> np.ndarray:
     """Return the confidence (H, W) float32 in normals, lowered by what may be wrong about all of them.
 
     mask: (H, W) bool.
     """
     half_vector_sd = inputs.load("lights").read("half_vector_sd")
+    if distance is not None:
+        half_vector_sd = np.sqrt(np.maximum(np.square(half_vector_sd) + distance.variance_change, 0.0))
     spheres_sd = spheres_error(load_geometry(inputs).spheres, np.where(mask, result.normals[..., 2], 1.0))
     lights_sd = np.full(half_vector_sd.shape, light_doubt.half_vector_sd)
     shared_sd = combined_error([half_vector_sd, spheres_sd, camera_doubt.half_vector_sd, lights_sd])
@@ -177,8 +202,14 @@ def reconstruct(
             expected=expected,
             camera=view.camera,
         )
+    wall = result.wall
+    if wall is not None:
+        wall = BodyWall(rotate_from_view(wall.normals, rays), rotate_from_view(wall.tangents, rays))
     return replace(
-        result, normals=rotate_from_view(result.normals, rays), initial=rotate_from_view(result.initial, rays)
+        result,
+        normals=rotate_from_view(result.normals, rays),
+        initial=rotate_from_view(result.initial, rays),
+        wall=wall,
     )
 
 

@@ -18,6 +18,7 @@ from glint.tasks.algorithms.near_light.half_vector_error import (
     depth_error,
     light_distance_error,
     unknown_distance_error,
+    unknown_inverse_distance,
 )
 from glint.tasks.algorithms.near_light.positions import NearLight, SphereLights
 from glint.tasks.algorithms.near_light.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
@@ -30,6 +31,8 @@ GIVEN_ERROR, TRIANGULATED_ERROR = 0.1, 0.05
 """Relative standard deviation of an inverse distance that was given (a hand's distance varies) or triangulated (the
 spheres' depths differ)."""
 
+BACKGROUND = "background"
+"""Source of a distance that the background shows."""
 SPHERE_REACH = 1.15
 """Radius around a sphere, in radii, within which the frame does not show the background."""
 
@@ -39,7 +42,8 @@ class DistanceResult:
     """The lights of a capture, corrected for their distance.
 
     lights: those of all spheres, seen from the reference point of a near light. near: its positions, None for a distant
-    one. record: to be saved. errors: of half vectors, (H, W) radians per axis.
+    one. record: to be saved. errors: of half vectors, (H, W) radians per axis. inverse_distance_sd: standard deviation
+    of the inverse distance, 1/pixels, where a single sphere shows the light and nobody gave its distance; else None.
     """
 
     lights: Lights
@@ -47,6 +51,7 @@ class DistanceResult:
     record: Mapping[str, Any] | None
     errors: Sequence[np.ndarray]
     warnings: Sequence[StageWarning]
+    inverse_distance_sd: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +111,10 @@ def measure_distance(
         return _unknown(merged, geometry)
     if falloff.inverse_distance > 0.0:
         inverse = np.full(count, falloff.inverse_distance)
-        measured = _KnownDistance(inverse, falloff.standard_deviation, "background")
+        measured = _KnownDistance(inverse, falloff.standard_deviation, BACKGROUND)
         return _near(by_sphere, sites, geometry, tolerance, measured)
     error = light_distance_error(region_pixels(geometry), geometry.spheres, falloff.standard_deviation)
-    return DistanceResult(merged, None, None, [error], [])
+    return DistanceResult(merged, None, None, [error], [], falloff.standard_deviation)
 
 
 def _near(
@@ -140,7 +145,8 @@ def _near(
     }
     pixels = region_pixels(geometry)
     errors = [light_distance_error(pixels, geometry.spheres, distance.deviation), depth_error(pixels, 1.0 / middle)]
-    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, middle, distance.source))
+    sd = distance.deviation if distance.source == BACKGROUND else None
+    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, middle, distance.source), sd)
 
 
 def _near_warnings(
@@ -148,7 +154,7 @@ def _near_warnings(
 ) -> list[StageWarning]:
     """Warn of a light that is nearer than recommended and whose distance two spheres did not measure."""
     sizes = distance / max(geometry.region.width, geometry.region.height)
-    if source != "background" or sizes > LEAST_DISTANCE_SIZES:
+    if source != BACKGROUND or sizes > LEAST_DISTANCE_SIZES:
         return []
     message = (
         f"the background shows that the light was near, some {sizes:.1f} times the region's size away: half vectors are"
@@ -160,13 +166,15 @@ def _near_warnings(
 
 def _unknown(merged: Lights, geometry: CaptureGeometry) -> DistanceResult:
     """Return the lights as if they were distant, in doubt by the least distance that is recommended."""
-    errors = [unknown_distance_error(region_pixels(geometry), geometry.spheres)]
+    pixels = region_pixels(geometry)
+    errors = [unknown_distance_error(pixels, geometry.spheres)]
     message = (
         "nothing shows how far away the light was: a single sphere cannot, and the background does not follow the"
         " light. Use two spheres, one on either side, or give its distance in millimetres,"
         " `parameters: {lights: {distance: ..}}`"
     )
-    return DistanceResult(merged, None, None, errors, [StageWarning(message, "light", _cost_deg(errors))])
+    warnings = [StageWarning(message, "light", _cost_deg(errors))]
+    return DistanceResult(merged, None, None, errors, warnings, unknown_inverse_distance(pixels))
 
 
 def _cost_deg(errors: Sequence[np.ndarray]) -> float:
@@ -227,11 +235,8 @@ def _seen_from_reference(
 ) -> Lights:
     """Return the lights of one sphere as they are seen from the reference point."""
     corrected = replace(site, lights=rotated(site.lights, rotation)).at_reference(inverse_distance)
-    return replace(
-        lights,
-        half_vectors=half_vectors_of(corrected).astype(np.float32),
-        lights=corrected.astype(np.float32),
-    )
+    half_vectors = half_vectors_of(corrected).astype(np.float32)
+    return replace(lights, half_vectors=half_vectors, lights=corrected.astype(np.float32))
 
 
 def _in_pixels(distance_mm: float, geometry: CaptureGeometry) -> float:

@@ -142,6 +142,7 @@ def _record(
             "gaps": [str(gap) for gap in sweep.gaps],
         },
         "near_light": measured.distance.record,
+        "inverse_distance_sd": measured.distance.inverse_distance_sd,
         "camera": measured.camera,
         "light_radius_degrees": measured.light_radius,
         "spheres_error": sweep_error(geometry.spheres, result),

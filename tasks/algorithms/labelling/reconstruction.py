@@ -34,6 +34,7 @@ from glint.tasks.algorithms.labelling.results import (
     OBSERVED,
     OUTSIDE,
     SILHOUETTE,
+    BodyWall,
     Reconstruction,
     blended_normals,
 )
@@ -140,6 +141,7 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         confidence=np.where(view.mask, confidence, np.nan).astype(np.float32),
         iterations=tuple(state.history),
         body_depth=_followed_depth(state, normals),
+        wall=_body_wall(state),
     )
 
 
@@ -182,6 +184,14 @@ def _with_inner_contours(state: Alternation, pixels: LitPixels) -> np.ndarray:
         dark_weight=weights.unreached,
         tension_length=weights.tension_length,
     )
+
+
+def _body_wall(state: Alternation) -> BodyWall | None:
+    """Return the wall of the surface of revolution that explains the labels; None without."""
+    tangents = None if state.body_fit is None else state.body_fit.tangents
+    if state.expected is None or tangents is None:
+        return None
+    return BodyWall(np.where(np.isfinite(tangents), state.expected, np.nan).astype(np.float32), tangents)
 
 
 def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:

@@ -24,6 +24,18 @@ class Iteration:
 
 
 @dataclass(frozen=True, slots=True)
+class BodyWall:
+    """Wall of a surface of revolution that explains the labels.
+
+    normals: (H, W, 3) float32, those of the surface. tangents: (H, W, 3) float32, unit, along its circles. Both are in
+    the camera frame, NaN where the wall is not seen.
+    """
+
+    normals: np.ndarray
+    tangents: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
 class Reconstruction:
     """Labels and normals of one view.
 
@@ -36,6 +48,7 @@ class Reconstruction:
     body_depth: (H, W) float32, height in pixels towards the camera up to a constant, of the surface of revolution, the
         prism or the faceted body where the normals follow it, NaN elsewhere; None where there is no such body. Under
         perspective a height is the negative logarithm of the distance times the focal length.
+    wall: of that surface of revolution, if it has no relief; None without.
     """
 
     labels: np.ndarray
@@ -45,6 +58,7 @@ class Reconstruction:
     confidence: np.ndarray
     iterations: tuple[Iteration, ...]
     body_depth: np.ndarray | None = None
+    wall: BodyWall | None = None
 
 
 def exterior_normals(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:

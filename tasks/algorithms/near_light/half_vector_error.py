@@ -61,12 +61,16 @@ def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
 
 
 def unknown_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere]) -> np.ndarray:
-    """Return the error (H, W), radians per axis, of a light whose distance from a single sphere is not known.
+    """Return the error (H, W), radians per axis, of a light whose distance from a single sphere is not known."""
+    return light_distance_error(pixels, spheres, unknown_inverse_distance(pixels))
 
-    It is the parallax between sphere and pixel under a light at the least distance that is recommended, in full along
-    both axes, since its direction varies.
+
+def unknown_inverse_distance(pixels: PixelGrid) -> float:
+    """Return the standard deviation of the inverse distance, 1/pixels, of a light of which nothing shows the distance.
+
+    It is that of the least distance that is recommended, in full along both axes, since the light's direction varies.
     """
-    return np.sqrt(2.0) * light_distance_error(pixels, spheres, 1.0 / (LEAST_DISTANCE_SIZES * pixels.size))
+    return float(np.sqrt(2.0) / (LEAST_DISTANCE_SIZES * pixels.size))
 
 
 def light_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere], inverse_distance_sd: float) -> np.ndarray:

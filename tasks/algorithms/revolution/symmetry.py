@@ -17,7 +17,7 @@ from glint.tasks.algorithms.revolution.opening import Opening, find_opening
 from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, with_shown_slopes
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
-from glint.tasks.algorithms.revolution.surface_of_revolution import RayHits, SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
@@ -69,7 +69,8 @@ class RotationalNormals(NamedTuple):
     seen of its body in pixels towards the camera, up to a constant; NaN outside the body, on handles, and where rays
     miss it. relief_fit: how well its relief fits, or 0. round_error: mean angle in degrees between the accepted normals
     and the surface of revolution without relief. rivalry: (H, W) float32, share of the circle's pixels that shows
-    another slope of the wall, relative to that which shows the surface's; 0 outside walls. None: not known.
+    another slope of the wall, relative to that which shows the surface's; 0 outside walls. tangents: (H, W, 3) float32,
+    unit, along the circles of the wall, relative to the view rays; NaN outside walls. Either is None if not known.
     """
 
     normals: np.ndarray
@@ -77,6 +78,7 @@ class RotationalNormals(NamedTuple):
     relief_fit: float
     round_error: float
     rivalry: np.ndarray | None = None
+    tangents: np.ndarray | None = None
 
 
 class _Fit(NamedTuple):
@@ -125,12 +127,15 @@ def surface_of_revolution_normals(
     normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():
         return None
-    rivalry = _wall_rivalry(surface, slopes, hits)
+    is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
+    rivalry = np.where(is_wall, np.interp(hits.heights, surface.heights, slopes.rivalry(surface.slope_angles)), 0.0)
+    tangents = np.where(is_wall[:, None], unit(np.cross(hits.upward, hits.outward)), np.nan)
     if fit.relief is not None:
         normals = fit.relief.normals(x, y, normals)
     if opening is not None:
         inside = with_shown_slopes(opening.surface, ShownSlopes.on(opening.surface, *shown))
         _see_into(replace(opening, surface=inside), opening.around[mask], x, y, normals, depths)
+        tangents[opening.around[mask]] = np.nan
     return RotationalNormals(
         # Rays at the contour may miss the surface.
         with_nearest(_picture(mask, normals), mask),
@@ -138,6 +143,7 @@ def surface_of_revolution_normals(
         fit.relief.fit if fit.relief else 0.0,
         fit.error,
         _picture(mask, rivalry, 0.0),
+        _picture(mask, tangents),
     )
 
 
@@ -185,13 +191,6 @@ def _sampled_relief(
     sample = np.zeros_like(mask)
     sample[sampled_pixels(mask, SHOWN_PIXELS)] = True
     return find_relief(mask, surface, *pixel_positions(sample), accepted[sample], candidates[:, sample])
-
-
-def _wall_rivalry(surface: SurfaceOfRevolution, slopes: ShownSlopes, hits: RayHits) -> np.ndarray:
-    """Return the rivalry (N,) of the circles that N rays hit, see `RotationalNormals`; 0 where they hit no wall."""
-    is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
-    rivalry = np.interp(hits.heights, surface.heights, slopes.rivalry(surface.slope_angles))
-    return np.where(is_wall, rivalry, 0.0)
 
 
 def _see_into(

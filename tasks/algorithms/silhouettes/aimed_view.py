@@ -72,6 +72,11 @@ class AimedView:
         result = _turned(unit(self._sampled(normals[tuple(nearest)])), -self._turns)
         return np.where(self.mask[..., None], result, np.float32(np.nan))
 
+    def vectors_back(self, vectors: np.ndarray) -> np.ndarray:
+        """Return unit vectors (H', W', 3) of this view like normals, (H, W, 3), but NaN beside where they are NaN."""
+        is_known = self._sampled(np.isfinite(vectors[..., 0]).astype(np.float32), border=0.0) > 1.0 - 1e-3
+        return np.where(is_known[..., None], self.normals_back(vectors), np.float32(np.nan))
+
     def heights_back(self, depths: np.ndarray) -> np.ndarray:
         """Return depths (H', W'), z of this view, as heights (H, W) in the camera's image: NaN outside the silhouette.
 

@@ -36,12 +36,14 @@ class BodyFit(NamedTuple):
     """Fit of a body's normals to candidates.
 
     scatter_deg: standard deviation per axis of the nearest candidates. deviation_deg: median angle between the body's
-    normals and the means of neighbouring candidates. rivalry: (H, W), see `RotationalNormals`.
+    normals and the means of neighbouring candidates. rivalry: (H, W), and tangents: (H, W, 3), see
+    `RotationalNormals`.
     """
 
     scatter_deg: float
     deviation_deg: float
     rivalry: np.ndarray
+    tangents: np.ndarray | None = None
 
     @property
     def trust(self) -> float:
@@ -72,14 +74,14 @@ def body_fit(body: RotationalNormals, candidates: np.ndarray, mask: np.ndarray, 
     nearest, difference = _nearest_candidates(candidates, body.normals)
     is_near = mask & (nearest < NEAR_DEG)
     if not is_near.any():
-        return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG, rivalry)
+        return BodyFit(LARGEST_SCATTER_DEG, LARGEST_SCATTER_DEG, rivalry, body.tangents)
     difference[~is_near] = 0.0
     window = max(NEIGHBOUR_INRADII * inradius, 1.0)
     blurred = np.stack([gaussian_blur(difference[..., axis], window) for axis in range(3)], axis=-1)
     mean = blurred[is_near] / gaussian_blur(is_near, window)[is_near][:, None]
     scatter = float(np.median(nearest[is_near])) / MEDIAN_OF_RAYLEIGH
     deviation = float(np.degrees(np.median(lengths(mean))))
-    return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation, rivalry)
+    return BodyFit(float(np.clip(scatter, LEAST_SCATTER_DEG, LARGEST_SCATTER_DEG)), deviation, rivalry, body.tangents)
 
 
 def _nearest_candidates(candidates: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

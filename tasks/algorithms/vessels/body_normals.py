@@ -70,7 +70,8 @@ def body_normals(
             return whole
     normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
-    return fitted._replace(normals=normals, depths=np.where(is_body, fitted.depths, np.nan))
+    tangents = None if fitted.tangents is None else np.where(is_body[..., None], fitted.tangents, np.float32(np.nan))
+    return fitted._replace(normals=normals, depths=np.where(is_body, fitted.depths, np.nan), tangents=tangents)
 
 
 def _surface_of_the_whole(

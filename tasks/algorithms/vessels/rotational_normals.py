@@ -65,7 +65,8 @@ class RotationalSymmetry:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
         rivalry = None if result.rivalry is None else aimed.values_back(result.rivalry)
-        return result._replace(normals=normals, depths=heights, rivalry=rivalry)
+        tangents = None if result.tangents is None else aimed.vectors_back(result.tangents)
+        return result._replace(normals=normals, depths=heights, rivalry=rivalry, tangents=tangents)
 
     def unproven_normals(self, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray) -> np.ndarray | None:
         """Return the normals (H, W, 3) of a surface of revolution that fits what was observed better than the field.

@@ -1,0 +1,144 @@
+"""The light's distance by the wall of a body of revolution, where a single sphere leaves it uncertain.
+
+What the background shows, or that nothing shows the distance, is known beforehand (`light_distance`); the labels add
+what the accepted normals of a wall show.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from glint.tasks.algorithms.candidates.clusters import Clusters
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.labelling.results import Reconstruction, exterior_normals
+from glint.tasks.algorithms.lighting.spheres import precision_weights
+from glint.tasks.algorithms.near_light.distance_by_wall import (
+    DistanceChange,
+    distance_by_wall,
+    moved_by_light,
+    wall_normals,
+)
+from glint.tasks.algorithms.near_light.half_vector_error import USUAL_NZ, depth_error, light_distance_error
+from glint.tasks.engine.stage_inputs import CaptureResults
+from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry
+from glint.tasks.stages.light_distance import region_pixels
+
+CONTRADICTED_DEVIATIONS = 3.0
+"""Standard deviations by which the wall contradicts what was known of the distance."""
+MIN_CORRECTION_DEG = 0.2
+"""Angle per axis by which the change must turn half vectors at the farthest pixel, for labels to be made again."""
+
+
+@dataclass(frozen=True, slots=True)
+class WallDistance:
+    """What a wall adds to what is known of the light's distance.
+
+    change: of its inverse distance, 1/pixels, by which half vectors are corrected, 0: they stay. variance_change: (H,
+    W), of the variance per axis of half vectors, radians squared. warnings: where the wall contradicts what was known.
+    """
+
+    change: float
+    variance_change: np.ndarray
+    warnings: Sequence[StageWarning] = ()
+
+
+def wall_distance(results: CaptureResults, normals: np.ndarray, labelled: Reconstruction) -> WallDistance | None:
+    """Measure the light's distance by the wall that a reconstruction found; None where it is known, or without a wall.
+
+    normals: (K, H, W, 3), candidates of the reconstruction in the camera frame.
+    """
+    lights, geometry = results.load("lights").record, load_geometry(results)
+    known_sd = lights["inverse_distance_sd"]
+    if known_sd is None or labelled.wall is None:
+        return None
+    wall = wall_normals(
+        exterior_normals(normals, labelled.labels),
+        labelled.wall.normals,
+        labelled.wall.tangents,
+        sphere_offsets(geometry),
+        geometry.view_vectors,
+    )
+    measured = distance_by_wall(wall, float(lights["spheres_error"]))
+    if measured is None:
+        return None
+    near = lights["near_light"]
+    known = 0.0 if near is None else 1.0 / float(near["distance"])
+    return combined_distance(geometry, known, DistanceChange(0.0, float(known_sd)), measured)
+
+
+def combined_distance(
+    geometry: CaptureGeometry, inverse: float, known: DistanceChange, measured: DistanceChange
+) -> WallDistance:
+    """Return what follows from two independent measurements of a light's distance.
+
+    inverse: its inverse distance so far, 1/pixels; known, measured: changes of it, by what was known and by the wall.
+    """
+    pixels, spheres = region_pixels(geometry), geometry.spheres
+    known_error = light_distance_error(pixels, spheres, known.standard_deviation)
+    if abs(measured.change) > CONTRADICTED_DEVIATIONS * np.hypot(known.standard_deviation, measured.standard_deviation):
+        error = light_distance_error(pixels, spheres, abs(measured.change))
+        message = (
+            "the wall of the body of revolution contradicts what the background shows of the light's distance: the body"
+            " may be oval, or the camera near and its matrix missing. Film two spheres, one on either side, or give the"
+            " distance in millimetres, `parameters: {lights: {distance: ..}}`"
+        )
+        warning = StageWarning(message, "light", float(np.degrees(np.sqrt(2.0) * np.median(error))))
+        return WallDistance(0.0, np.square(error), [warning])
+    precision = known.standard_deviation**-2 + measured.standard_deviation**-2
+    # A light behind the frame's plane would be in the picture.
+    change = max(measured.change / (measured.standard_deviation**2 * precision), -inverse)
+    remaining = 0.0
+    if np.degrees(light_distance_error(pixels, spheres, abs(change)).max()) < MIN_CORRECTION_DEG:
+        change, remaining = 0.0, change
+    error = light_distance_error(pixels, spheres, float(np.hypot(precision**-0.5, remaining)))
+    heights = np.square(depth_error(pixels, inverse + change)) - np.square(depth_error(pixels, inverse))
+    return WallDistance(change, np.square(error) - np.square(known_error) + heights)
+
+
+def sphere_offsets(geometry: CaptureGeometry) -> np.ndarray:
+    """Return the positions (H, W, 2) of the region's pixels from the spheres' mean, in pixels, y up."""
+    pixels, spheres = region_pixels(geometry), geometry.spheres
+    weights = precision_weights(spheres, np.full(len(spheres), USUAL_NZ))
+    x, y = weights @ np.array([(sphere.x, sphere.y) for sphere in spheres])
+    return np.stack([pixels.columns - x, y - pixels.rows], axis=-1)
+
+
+def with_distance(
+    clusters: Clusters, marks: Marks | None, geometry: CaptureGeometry, change: float
+) -> tuple[Clusters, Marks | None]:
+    """Return candidates and marks, in the camera frame, as they are with another inverse distance of the light.
+
+    change: of the inverse distance, 1/pixels.
+    """
+    if change == 0.0:
+        return clusters, marks
+    view, motion = _view_and_motion(geometry, change)
+    normals, winner = (moved_by_light(vectors, view, motion) for vectors in (clusters.normals, clusters.winner))
+    clusters = replace(clusters, normals=normals.astype(np.float32), winner=winner.astype(np.float32))
+    return clusters, None if marks is None else marks_with_distance(marks, geometry, change)
+
+
+def marks_with_distance(marks: Marks, geometry: CaptureGeometry, change: float) -> Marks:
+    """Return marks as they are with another inverse distance of the light, changed by so much, 1/pixels."""
+    return replace(marks, half_vectors=half_vectors_with_distance(marks.half_vectors, marks.pixels, geometry, change))
+
+
+def half_vectors_with_distance(
+    half_vectors: np.ndarray, pixels: np.ndarray, geometry: CaptureGeometry, change: float
+) -> np.ndarray:
+    """Return half vectors (N, 3) float32 at pixels (N, 2) of the region with another inverse distance of the light."""
+    if change == 0.0:
+        return half_vectors
+    rows, columns = pixels.T
+    view, motion = _view_and_motion(geometry, change)
+    return moved_by_light(half_vectors, view[rows, columns], motion[rows, columns]).astype(np.float32)
+
+
+def _view_and_motion(geometry: CaptureGeometry, change: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return view vectors and motions (H, W, 3) of the vector to the light, by a change of its inverse distance."""
+    offsets = sphere_offsets(geometry)
+    motion = -change * np.concatenate([offsets, np.zeros((*offsets.shape[:2], 1))], axis=-1)
+    view = geometry.view_vectors
+    return np.broadcast_to([0.0, 0.0, 1.0], motion.shape) if view is None else view, motion
