@@ -1,5 +1,7 @@
 """Straight edges of convex silhouettes."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -58,3 +60,15 @@ def test_a_few_pixels_have_none() -> None:
     mask = np.zeros((20, 20), bool)
     mask[10, 10:12] = True
     assert contour_polygons(mask) == []
+
+
+def test_long_edges_take_no_memory_with_the_square_of_their_length() -> None:
+    columns, rows = np.meshgrid(np.arange(5000), np.arange(60))
+    mask = (columns > 10) & (columns < 4990) & (rows > 10) & (rows < 50) & (columns + rows > 40)
+    tracemalloc.start()
+    polygons = contour_polygons(mask)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [len(corners) for corners in polygons] == [5, 5]
+    # A square matrix of the points of one edge has 200 MB.
+    assert peak < 5e7
