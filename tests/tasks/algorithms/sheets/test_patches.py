@@ -34,7 +34,8 @@ def test_three_nodes_make_a_patch_and_no_nodes_make_none() -> None:
 
 
 def test_values_of_patches_are_those_of_their_nodes() -> None:
-    patches = Patches(*np.array([[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], [2, 1, 0, 3]]), count=2)
+    number, layer, row, column = np.array([[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], [2, 1, 0, 3]])
+    patches = Patches(number, layer, row, column, count=2)
     assert patches.sum(np.array([1.0, 2.0, 6.0, 5.0])).tolist() == [9.0, 5.0]
     assert patches.mean(np.array([1.0, 2.0, 6.0, 5.0])).tolist() == [3.0, 5.0]
     labels = np.arange(16).reshape(2, 2, 4)
