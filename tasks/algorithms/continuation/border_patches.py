@@ -63,12 +63,13 @@ class BorderPatches:
         border = inner & wide & ndimage.binary_dilation(gap)
         spacing = max(PATCH_SPACING_INRADII * inradius, MIN_RADII_PX[0])
         window = max(PATCH_WINDOW_INRADII * inradius, MIN_RADII_PX[1])
+        sheets = np.where(inner, sheets, -1)
         owner, nearest = np.full(mask.shape, -1), np.full(mask.shape, np.inf)
         fits: list[tuple[np.ndarray, ...]] = []
         for row, column in np.argwhere(border):
             if owner[row, column] >= 0:
                 continue
-            rows, columns = _same_sheet(np.where(inner, sheets, -1), row, column, window)
+            rows, columns = _same_sheet(sheets, row, column, window)
             distance = np.hypot(rows - row, columns - column)
             if (distance <= window).sum() < MIN_FIT:
                 continue

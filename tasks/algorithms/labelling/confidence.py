@@ -47,6 +47,11 @@ DEFAULT_SLOPE_DEG = 150.0
 """Error-model slope, degrees per inradius, of an object on which nothing can be held out."""
 COVER_INRADII, MIN_COVER_PX = 0.08, 2.0
 """Standard deviation of the window over which known pixels are counted, in inradii, and at least, in pixels."""
+LOCAL_MEAN_PX, CURL_FLOOR = 2.0, 1e-3
+"""Standard deviation in pixels of the local means by which roughness and curl are measured, and what is added to the
+norm of the gradients' Jacobian, per pixel, so that nearly flat sheets have no curl."""
+MAX_CURL = 2.0
+"""Bound of the curl by which a sheet is judged."""
 FULL_COVER_RATIO = 1.3
 """Factor of the cover, so that a pixel counts as surrounded before all of its window is known."""
 BLOCK_INRADII = 0.25
@@ -74,23 +79,23 @@ def sheet_quality(normals: np.ndarray, inradius: float) -> tuple[np.ndarray, np.
 
     Returns:
         (H, W) each. Cover: share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local
-        mean normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, to which 1e-3 per
-        pixel is added, so that nearly flat sheets have none; 0 for a surface.
+        mean normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, to which CURL_FLOOR is
+        added; 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
     cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * inradius))
-    weight = np.maximum(gaussian_blur(known, 2.0), 1e-6)
+    weight = np.maximum(gaussian_blur(known, LOCAL_MEAN_PX), 1e-6)
 
     # Normalised convolution: gaps neither pull the mean nor spread.
     def local_mean(values: np.ndarray) -> np.ndarray:
-        return gaussian_blur(np.where(known, values, 0.0), 2.0) / weight
+        return gaussian_blur(np.where(known, values, 0.0), LOCAL_MEAN_PX) / weight
 
     mean = unit(np.stack([local_mean(normals[..., axis]) for axis in range(3)], axis=-1))
     roughness = np.radians(angles(normals, mean)) / TOLERANCE_RAD
     # Rows run downwards and y upwards, so p_y = -p_down.
     (p_down, p_x), (q_down, q_x) = (np.gradient(local_mean(gradient)) for gradient in gradients(normals))
     jacobian = np.sqrt(p_x**2 + p_down**2 + q_x**2 + q_down**2)
-    curl = np.abs(-p_down - q_x) / (jacobian + 1e-3)
+    curl = np.abs(-p_down - q_x) / (jacobian + CURL_FLOOR)
     return cover, roughness, curl
 
 
@@ -111,7 +116,7 @@ def sheet_confidence(
     its `held_out_residual`; inradius: of the object, in pixels; accepted_odds: `accepted_log_odds` of the object, nats.
     """
     _, roughness, curl = sheet_quality(normals, inradius)
-    return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), evidence, residual, offset=accepted_odds)
+    return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, MAX_CURL), evidence, residual, offset=accepted_odds)
 
 
 def accepted_log_odds(accepted: np.ndarray, has_candidate: np.ndarray) -> float:
@@ -165,6 +170,7 @@ def face_confidence(residual: np.ndarray) -> np.ndarray:
 
 
 def _logistic(weights: tuple[float, ...], *cues: np.ndarray, offset: float = 0.0) -> np.ndarray:
+    """Return the probability (...) of a logit: an offset, a constant, and cues (...) times the rest of the weights."""
     logit = offset + weights[0] + sum(weight * cue for weight, cue in zip(weights[1:], cues, strict=True))
     return np.asarray(1.0 / (1.0 + np.exp(-logit)))
 

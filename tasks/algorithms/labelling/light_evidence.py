@@ -124,13 +124,14 @@ def light_evidence(
 def turn_angle(accepted: np.ndarray, inradius: float) -> tuple[float, float]:
     """Return the turn in degrees of accepted normals (K, H, W, 3) about the view vector, counter-clockwise.
 
-    With it its standard error, the jackknife's over blocks of the region. NaN where too few normals are accepted.
+    With it its standard error, the jackknife's over blocks of the region. NaN where too few normals are accepted. A
+    hollow counts as turned by half a turn, which its normals cannot tell from it.
     """
     curl, _, convexity = np.moveaxis(sheet_jacobian(accepted, window_step(inradius)), -1, 0)
     height, width = accepted.shape[1:3]
     rows, columns = np.indices((height, width))
     block = (rows * TURN_BLOCKS // height) * TURN_BLOCKS + columns * TURN_BLOCKS // width
-    # As every sum runs over the same nodes, the Laplacian's sign and size cancel in the ratio.
+    # As every sum runs over the same nodes, the size of the Laplacian cancels in the ratio.
     sums = [
         np.bincount(block.ravel(), np.nansum(values, axis=0).ravel(), TURN_BLOCKS**2) for values in (curl, convexity)
     ]

@@ -101,7 +101,7 @@ def _lines(points: np.ndarray, parts: list[np.ndarray]) -> list[tuple[np.ndarray
     lines = []
     for part in parts:
         centre = points[part].mean(axis=0)
-        direction = np.linalg.svd(points[part] - centre)[2][0]
+        direction = np.linalg.svd(points[part] - centre, full_matrices=False)[2][0]
         forward = direction @ (points[part[-1]] - points[part[0]])
         lines.append((centre, direction * (np.sign(forward) or 1.0)))
     return lines

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions
-from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import RayHits, SurfaceOfRevolution
 
 AGREES_DEG, OPEN_END_SHARE = 8.0, 0.3
 """An end may be an opening if this share of its pixels has a candidate within this angle of the far wall: 0.33 to 0.95
@@ -67,7 +67,8 @@ class Opening:
         hits = self.surface.intersect(x, y)
         normals, depths = self.surface.normals_at(hits), hits.depths.copy()
         is_far = self.surface.is_end_at(hits)
-        is_far[is_far] = _depth(self.surface, x[is_far], y[is_far]) >= self.lip
+        inside_edge = self.surface.end_radius - np.linalg.norm(hits.outward[is_far], axis=1)
+        is_far[is_far] = inside_edge >= self.lip
         inner = self.surface.shrunk(self.lip)
         hits = inner.intersect(x[is_far], y[is_far], far=True)
         inward, inner_depths = -inner.normals_at(hits), hits.depths
@@ -105,7 +106,7 @@ def find_opening(
     surfaces = [
         surface.tilted(mask, surface.tilt + np.radians(turn)).cut_off(length) if turn else ended for turn in turns_deg
     ]
-    fits = [_fit(tilted, x, y, observed, least) for tilted in surfaces]
+    fits = [_fit(tilted, tilted.intersect(x, y), x, y, observed, least) for tilted in surfaces]
     scores = np.array([np.nan if fit is None else fit.score for fit in fits])
     fit = fits[best := _peak(scores)] if np.isfinite(scores).any() else None
     return None if fit is None else Opening(surfaces[best], fit.lip, around)
@@ -120,15 +121,19 @@ def _end_cut_off(
     x, y = pixel_positions(mask)
     lengths = np.array(cuts) * float(np.sqrt(surface.squared_radii.max()))
     ended = [surface.cut_off(float(length)) for length in lengths]
+    hits = surface.intersect(x, y)
     # A ray that meets the end of what remains enters the whole body beyond it.
-    beyond = surface.facing * (surface.intersect(x, y).heights - surface.end_height) > -lengths.max()
-    around = _around(mask, beyond | surface.is_end(x, y))
+    beyond = surface.facing * (hits.heights - surface.end_height) > -lengths.max()
+    around = _around(mask, beyond | surface.is_end_at(hits))
     x, y = pixel_positions(around)
     observed, least = candidates[:, around], MIN_OPENING_SHARE * float(mask.sum())
-    fits = [_fit(end, x, y, observed, least) for end in ended]
+    fits, missed = [], []
+    for end in ended:
+        hits = end.intersect(x, y)
+        fits.append(_fit(end, hits, x, y, observed, least))
+        # Pixels of the mask that a shorter vessel does not cover contradict it.
+        missed.append(np.count_nonzero(np.isnan(hits.heights)))
     sign = agreement(surface.normals(x, y), observed)
-    # Pixels of the mask that a shorter vessel does not cover contradict it.
-    missed = [np.count_nonzero(np.isnan(end.intersect(x, y).heights)) for end in ended]
     scores = np.array(
         [-np.inf if fit is None else fit.score - count + missed[0] for fit, count in zip(fits, missed, strict=True)]
     )
@@ -184,14 +189,15 @@ def _peak(scores: np.ndarray) -> int:
 
 
 def _fit(
-    surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray, least: float
+    surface: SurfaceOfRevolution, hits: RayHits, x: np.ndarray, y: np.ndarray, candidates: np.ndarray, least: float
 ) -> _Fit | None:
     """Fit the lip to candidates (K, N, 3) of pixels (N,) around the end; None if the end is closed.
 
-    least: number of pixels that must show the far wall.
+    hits: where the rays of x, y (N,), camera frame, enter the surface. least: number of pixels that must show the far
+    wall.
     """
-    is_end = surface.is_end(x, y)
-    sign = agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
+    is_end = surface.is_end_at(hits)
+    sign = agreement(surface.normals_at(hits)[~is_end], candidates[:, ~is_end])
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     sign = sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])]
@@ -201,9 +207,8 @@ def _fit(
     if not np.count_nonzero(sign) > least:
         return None
     # A pixel on the inner edge shows the lip too, and the plane of the end is foreshortened along the view.
-    hits = surface.intersect(x, y)
-    across, distance = hits.across, np.linalg.norm(hits.outward, axis=1)
-    along = np.abs(hits.forward) / np.sin(abs(surface.end_tilt))
+    across, distance = hits.across[is_end], np.linalg.norm(hits.outward[is_end], axis=1)
+    along = np.abs(hits.forward[is_end]) / np.sin(abs(surface.end_tilt))
     depth = surface.end_radius - distance - FOOTPRINT_PX * np.hypot(across, along) / np.maximum(distance, 1e-9)
     order = np.argsort(-depth)
     thickness = np.arange(0.0, MAX_LIP, LIP_STEP) * surface.end_radius
@@ -240,8 +245,3 @@ def _worth(sign: np.ndarray, share: float | np.ndarray) -> np.ndarray:
     """Return what pixels (N,) say for a wall of which a share, or shares (N,), agree; others say less where few do."""
     least_share = np.minimum(LEAST_SHARE_RATIO * np.asarray(share), MAX_LEAST_SHARE)
     return np.asarray(np.where(sign < 0.0, least_share / (1.0 - least_share), 1.0) * sign)
-
-
-def _depth(surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return how far inside the end's edge rays at x, y (N,) meet its plane, in pixels."""
-    return np.asarray(surface.end_radius - np.linalg.norm(surface.intersect(x, y).outward, axis=1))

@@ -4,7 +4,7 @@ Source of the smoothing: local linear regression with one-sided and centred wind
 chosen (the edge-preserving smoothing of Nagao and Matsuyama 1979).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ MIN_CONE_RADIUS_PX = 2.0
 """Radius above which a steep fall of the profile counts as a cone; below, it is the profile's tip."""
 STEM_HEIGHT_PX, MIN_STEM_PX = 6.0, 4.0
 """Height above a cone in which the stem's radius is looked for, and least height of a profile there to have a stem."""
+TIP_SAMPLES = 2
+"""Samples by which a cone's tip may seem longer than MIN_CONE_RADIUS_PX makes it: both of its ends lie between two."""
 SLOPE_REACH_PX, MAX_STEM_GAP_PX = 1.0, 2.0
 """Distance to both sides over which slopes are taken, and gap along the axis across which a stem's normals go on."""
 SHOULDER_SHARE = 0.03
@@ -99,9 +101,9 @@ def profile_of_contour(
     edge_on = -1.0 / np.maximum(np.abs(np.tan(tilts)), MIN_TAN_TILT)
     falling, rising = _cones(radii, edge_on, step), _mirrored(_cones(radii[::-1], edge_on[::-1], step), len(radii))
     squared, slopes, assumed = _smooth_walls(radii, heights, [*falling, *rising])
-    kept = _without_cones(radii, squared, slopes, heights, falling, step)
+    kept = _without_cones(squared, slopes, heights, falling, step)
     below = _mirrored(rising, len(radii))
-    kept = _without_cones(radii[::-1], kept[::-1], -slopes[::-1], -heights[::-1], below, step)[::-1].copy()
+    kept = _without_cones(kept[::-1], -slopes[::-1], -heights[::-1], below, step)[::-1].copy()
     kept[[0, -1]] = 0.0
     changed = ndimage.binary_dilation((kept != squared) | assumed, iterations=1)
     facing = [Plate(cone.start - 1, cone.stop) for cone in falling if cone.is_sharp and tilts[cone.start] >= 0.0]
@@ -146,17 +148,20 @@ def with_risen_plate(squared_radii: np.ndarray, heights: np.ndarray, plate: Plat
 class _Cone:
     """Samples start to stop at which the camera sees the circles' envelope edge-on.
 
-    is_sharp: whether they begin at a corner of the profile.
+    is_sharp: whether they begin at a corner of the profile. before: number of samples from the shoulder to the first.
+    tip: length of the cone's tip, which they leave out, in pixels.
     """
 
     start: int
     stop: int
     is_sharp: bool
+    before: int
+    tip: float
 
 
 def _mirrored(cones: list[_Cone], length: int) -> list[_Cone]:
     """Return the cones of a profile of so many samples turned upside down."""
-    return [_Cone(length - cone.stop, length - cone.start, cone.is_sharp) for cone in reversed(cones)]
+    return [replace(cone, start=length - cone.stop, stop=length - cone.start) for cone in reversed(cones)]
 
 
 def _smooth_walls(
@@ -188,24 +193,20 @@ def _cones(radii: np.ndarray, edge_on: np.ndarray, step: float) -> list[_Cone]:
         last = max(cone.start - reach, 1)
         first = max(last - before, 0)
         slope = (radii[last] - radii[first]) / ((last - first) * step)
-        cones.append(_Cone(cone.start, cone.stop, bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on[cone.start])))
+        is_sharp = bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on[cone.start])
+        tip = float(-MIN_CONE_RADIUS_PX / edge_on[cone.stop - 1]) + TIP_SAMPLES * step
+        cones.append(_Cone(cone.start, cone.stop, is_sharp, before, tip))
     return cones
 
 
 def _without_cones(
-    radii: np.ndarray,
-    squared_radii: np.ndarray,
-    slopes: np.ndarray,
-    heights: np.ndarray,
-    cones: list[_Cone],
-    step: float,
+    squared_radii: np.ndarray, slopes: np.ndarray, heights: np.ndarray, cones: list[_Cone], step: float
 ) -> np.ndarray:
     """Return the squared radii (N,) with cones replaced at which the radius falls with the height."""
-    before = max(2, round(SHOULDER_SHARE * radii.max() / step))
     kept = squared_radii.copy()
     for cone in cones:
         # The corner between a foot and its stem is rounded by the contour: the stem is what comes a little above.
-        has_stem = cone.stop * step < len(kept) * step - MIN_STEM_PX
+        has_stem = cone.stop * step < len(kept) * step - max(MIN_STEM_PX, cone.tip)
         above = slice(cone.stop, cone.stop + max(1, round(STEM_HEIGHT_PX / step)))
         stem = kept[above].min() if has_stem else 0.0
         inside = slice(cone.start, cone.stop)
@@ -213,7 +214,7 @@ def _without_cones(
             kept[inside] = stem
         else:
             # A sphere's squared radius is a parabola of the height, with the second derivative -2.
-            shoulder = max(cone.start - before, 0)
+            shoulder = max(cone.start - cone.before, 0)
             distance = heights[inside] - heights[shoulder]
             kept[inside] = np.maximum(kept[shoulder] + slopes[shoulder] * distance - distance**2, stem)
         if stem == 0.0:

@@ -29,7 +29,8 @@ MAX_SLOPE_ANGLE = 1.4
 CONTOUR_SLOPE_WEIGHT = 5.0
 """Weight of the contour's slope at a height, in normals."""
 END_CONE_DEG, END_PX = 25.0, 2.0
-"""Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end."""
+"""Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end; the
+distance is at least a step of the profile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +132,9 @@ class SurfaceOfRevolution:
         """Return whether N rays enter the body through the flat end that faces the camera."""
         axial = (self.normals_at(hits) * hits.upward).sum(axis=1) * self.facing
         is_flat = axial > np.cos(np.radians(END_CONE_DEG))
-        return np.asarray(is_flat & (np.abs(hits.heights - self.end_height) < END_PX))
+        # Radii fall to 0 over one step beyond the wall, which is longer on large objects.
+        reach = max(END_PX, float(self.heights[1] - self.heights[0]))
+        return np.asarray(is_flat & (np.abs(hits.heights - self.end_height) < reach))
 
     @property
     def slope_angles(self) -> np.ndarray:

@@ -118,7 +118,7 @@ def surface_of_revolution_normals(
     # A relief turns rays aside as well.
     if opening is not None and fit.relief is None and is_solid(opening, mask, candidates):
         opening = None
-    shown = _shown_normals(mask, candidates)
+    shown = sampled_candidates(mask, candidates, SHOWN_PIXELS)
     by_contour = fit.surface.with_risen_plates(*_accepted_normals(mask, accepted))
     slopes = ShownSlopes.on(by_contour, *shown)
     surface = with_shown_slopes(by_contour, slopes)
@@ -138,12 +138,12 @@ def surface_of_revolution_normals(
         tangents[opening.around[mask]] = np.nan
     return RotationalNormals(
         # Rays at the contour may miss the surface.
-        with_nearest(_picture(mask, normals), mask),
-        _picture(mask, depths),
+        with_nearest(picture(mask, normals), mask),
+        picture(mask, depths),
         fit.relief.fit if fit.relief else 0.0,
         fit.error,
-        _picture(mask, rivalry, 0.0),
-        _picture(mask, tangents),
+        picture(mask, rivalry, 0.0),
+        picture(mask, tangents),
     )
 
 
@@ -178,9 +178,14 @@ def _accepted_normals(mask: np.ndarray, accepted: np.ndarray) -> tuple[np.ndarra
     return *pixel_positions(is_accepted), accepted[is_accepted]
 
 
-def _shown_normals(mask: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return x and y (N,), camera frame, of a sample of the pixels, and their candidates (K, N, 3)."""
-    rows, columns = sampled_pixels(mask & np.isfinite(candidates[..., 0]).any(axis=0), SHOWN_PIXELS)
+def sampled_candidates(
+    mask: np.ndarray, candidates: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x and y (N,), pixels, camera frame, of at most `count` pixels with a candidate, and theirs (K, N, 3).
+
+    mask: (H, W) bool. candidates: (K, H, W, 3), NaN where there is none.
+    """
+    rows, columns = sampled_pixels(mask & np.isfinite(candidates[..., 0]).any(axis=0), count)
     return *positions_at(rows, columns, mask.shape), candidates[:, rows, columns]
 
 
@@ -203,8 +208,8 @@ def _see_into(
     depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
 
 
-def _picture(mask: np.ndarray, values: np.ndarray, outside: float = np.nan) -> np.ndarray:
+def picture(mask: np.ndarray, values: np.ndarray, outside: float = np.nan) -> np.ndarray:
     """Return values (N, ..) of the N pixels of a mask (H, W) bool as a picture (H, W, ..) float32."""
-    picture = np.full((*mask.shape, *values.shape[1:]), outside, np.float32)
-    picture[mask] = values
-    return picture
+    result = np.full((*mask.shape, *values.shape[1:]), outside, np.float32)
+    result[mask] = values
+    return result

@@ -68,10 +68,9 @@ def cut_patches(nodes: np.ndarray, ties: sparse.csr_matrix, labels: np.ndarray, 
     same = (block[pairs.row] == block[pairs.col]).all(axis=-1)
     kept = sparse.coo_matrix((np.ones(same.sum()), (pairs.row[same], pairs.col[same])), shape=ties.shape)
     numbers = connected_components(kept, directed=False)[1]
-    sizes = np.bincount(numbers, minlength=1)
-    large = sizes >= MIN_PATCH_NODES
-    kept_nodes = np.flatnonzero(large[numbers]) if len(numbers) else np.zeros(0, int)
-    renumbered = (np.cumsum(large) - 1)[numbers[kept_nodes]] if len(kept_nodes) else np.zeros(0, int)
+    large = np.bincount(numbers) >= MIN_PATCH_NODES
+    kept_nodes = np.flatnonzero(large[numbers])
+    renumbered = (np.cumsum(large) - 1)[numbers[kept_nodes]]
     order = np.argsort(renumbered, kind="stable")
     at = kept_nodes[order]
     return Patches(renumbered[order], layer[at], row[at], column[at], int(large.sum()))

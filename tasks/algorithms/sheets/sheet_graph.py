@@ -79,7 +79,7 @@ def sheet_graph(normals: np.ndarray) -> tuple[np.ndarray, sparse.csr_matrix]:
     nodes[present] = np.arange(present.sum())
     contrast = np.radians(TIE_DEG)
     first, second, weight = pairwise_edges(normals, nodes, 1.0, contrast)
-    degrees = TIE_DEG * np.sqrt(-np.log(np.maximum(weight, 1e-30)))
+    degrees = TIE_DEG * np.sqrt(-np.log(weight))
     tied = degrees < TIE_DEG
     length = 1.0 + (degrees[tied] / NOISE_TIE_DEG) ** 2
     count = int(present.sum())

@@ -15,13 +15,13 @@ import numpy as np
 from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions, positions_at, sampled_pixels, to_camera
+from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions, to_camera
 from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles, lines_across_planes
 from glint.tasks.algorithms.revolution.opening import Opening, agreement
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
-from glint.tasks.algorithms.revolution.symmetry import SYMMETRIC_LIMITS, RotationalNormals
+from glint.tasks.algorithms.revolution.symmetry import SYMMETRIC_LIMITS, RotationalNormals, picture, sampled_candidates
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -94,9 +94,8 @@ class Bowl:
     def normals(self) -> RotationalNormals:
         """Return the normals and depths of the bowl in the mask of its object, which it may not fill."""
         mask = self.opening.around
-        image, depths = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
-        image[mask], depths[mask], _ = self.opening.entries(*pixel_positions(mask))
-        return RotationalNormals(with_nearest(image, mask), depths, 0.0, self.error_deg)
+        normals, depths, _ = self.opening.entries(*pixel_positions(mask))
+        return RotationalNormals(with_nearest(picture(mask, normals), mask), picture(mask, depths), 0.0, self.error_deg)
 
 
 def bowl_rims(silhouette: SilhouetteSymmetry) -> list[Rim]:
@@ -124,10 +123,9 @@ def find_bowl(rims: Sequence[Rim], shown: np.ndarray) -> Bowl | None:
     if not rims:
         return None
     mask = rims[0].mask
-    rows, columns = sampled_pixels(mask & np.isfinite(shown[..., 0]).any(axis=0), BOWL_SAMPLES)
-    if len(rows) < MIN_BOWL_NORMALS:
+    sample = _Sample(*sampled_candidates(mask, shown, BOWL_SAMPLES))
+    if len(sample.x) < MIN_BOWL_NORMALS:
         return None
-    sample = _Sample(*positions_at(rows, columns, mask.shape), shown[:, rows, columns])
     bowls = [_fitted(sample, rim, slope) for rim in rims for slope in FIRST_SLOPES]
     best = min((bowl for bowl in bowls if bowl is not None), key=attrgetter("error_deg"), default=None)
     if best is None:

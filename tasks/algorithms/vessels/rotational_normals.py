@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at, sampled_pixels
+from glint.tasks.algorithms.geometry.vectors import pixel_positions
 from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.surface_fit import (
     COARSE_STEP_PX,
@@ -26,6 +26,8 @@ from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRev
 from glint.tasks.algorithms.revolution.symmetry import (
     SYMMETRIC_LIMITS,
     RotationalNormals,
+    picture,
+    sampled_candidates,
     surface_of_revolution_normals,
 )
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
@@ -109,9 +111,7 @@ class RotationalSymmetry:
     def _normals_of(self, surface: SurfaceOfRevolution) -> np.ndarray:
         """Return the normals (H, W, 3) of a surface as the view in which it was looked for shows it."""
         mask = self._symmetry.mask
-        normals = np.full((*mask.shape, 3), np.nan, np.float32)
-        normals[mask] = surface.normals(*pixel_positions(mask))
-        return with_nearest(normals, mask)
+        return with_nearest(picture(mask, surface.normals(*pixel_positions(mask))), mask)
 
     def _shown(self, candidates: np.ndarray) -> np.ndarray:
         """Return candidates (K, H, W, 3) as the view in which the surface is looked for shows them."""
@@ -137,10 +137,7 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
 
     That is the share of the pixels with a candidate that agree with it, less that of those that should and do not.
     """
-    mask = silhouette.mask
-    rows, columns = sampled_pixels(mask & np.isfinite(candidates[..., 0]).any(axis=0), SAMPLED_NORMALS)
-    x, y = positions_at(rows, columns, mask.shape)
-    sampled = candidates[:, rows, columns]
+    x, y, sampled = sampled_candidates(silhouette.mask, candidates, SAMPLED_NORMALS)
 
     @cache
     def contradiction(axis: int, tilt: float) -> float:
@@ -150,7 +147,7 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
         # An end may be open, and show the far wall.
         far = agreement(surface.normals(x[is_end], y[is_end], far=True), sampled[:, is_end])
         agrees[is_end] = np.maximum(agrees[is_end], far)
-        return -float(agrees.sum()) / max(len(rows), 1)
+        return -float(agrees.sum()) / max(len(x), 1)
 
     best: tuple[float, SurfaceOfRevolution | None] = (0.0, None)
     for axis in range(len(silhouette.axes)):

@@ -5,7 +5,13 @@ import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.labelling.answers import contradictions, mark_influence
+from glint.tasks.algorithms.labelling.answers import (
+    MARK_REACH_INRADII,
+    MARKED_SHEET_CONFIDENCE,
+    contradictions,
+    mark_influence,
+    marked_confidence,
+)
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, pebble
@@ -39,6 +45,22 @@ def test_the_nearer_of_two_marks_wins() -> None:
     pins[0, 20, 4], pins[0, 20, 16] = 1, -1
     influence = mark_influence(*sheet_graph(nodes), pins, inradius=40.0)[0, 20]
     assert (influence[:10] > 0).all() and (influence[11:20] < 0).all()
+
+
+def test_a_mark_fades_over_its_reach_and_says_nothing_beyond_three_of_them() -> None:
+    nodes = np.full((1, 1, 60, 3), (0.0, 0.0, 1.0))
+    pins = np.zeros(nodes.shape[:3], np.int8)
+    pins[0, 0, 0] = -1
+    # Ten pixels are a reach.
+    influence = mark_influence(*sheet_graph(nodes), pins, inradius=10.0 / MARK_REACH_INRADII)[0, 0]
+    np.testing.assert_allclose(influence[[0, 10, 30]], [-1.0, -np.exp(-1.0), -np.exp(-3.0)])
+    assert not influence[31:].any()
+
+
+def test_a_true_mark_raises_the_confidence_on_its_sheet_and_a_false_one_lowers_none() -> None:
+    confidence, marked = np.array([0.2, 0.99, 0.2, np.nan, 0.2]), np.array([False, False, False, False, True])
+    raised = marked_confidence(confidence, marked, np.array([0.5, 0.5, -1.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(raised, [0.5 * MARKED_SHEET_CONFIDENCE, 0.99, 0.2, np.nan, 1.0])
 
 
 def test_without_marks_nothing_is_said() -> None:

@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.labelling.confidence import (
     MAX_ACCEPTED_ODDS,
+    MIN_DISTANCE_PX,
+    OCCLUDING_CONTOUR_SHARE,
     OWN_ERROR_DEG,
+    RAYLEIGH_NINTH_DECILE,
     accepted_log_odds,
     field_confidence,
     field_error_slope,
@@ -115,6 +119,30 @@ def test_the_slope_is_that_of_the_held_out_blocks() -> None:
     wrong = np.broadcast_to(np.array([np.sin(tilt), 0.0, np.cos(tilt)]), normals.shape)
     assert exact < 1e-6 < field_error_slope(lambda known: wrong, normals, 30.0)
     assert field_error_slope(lambda known: normals, np.full_like(normals, np.nan), 30.0) > np.radians(1.0)
+
+
+def test_the_slope_is_the_growth_of_the_error_with_the_distance_from_what_is_kept() -> None:
+    normals, slope = plane(), np.radians(0.4)
+    kept_blocks = []
+
+    def predict(kept: np.ndarray) -> np.ndarray:
+        kept_blocks.append(kept)
+        error = slope * (distance_inside(~kept) + MIN_DISTANCE_PX)
+        return np.stack([np.sin(error), np.zeros(kept.shape), np.cos(error)], axis=-1)
+
+    assert field_error_slope(predict, normals, 30.0) == pytest.approx(slope / RAYLEIGH_NINTH_DECILE, rel=1e-5)
+    assert (kept_blocks[0] ^ kept_blocks[1]).all()
+
+
+def test_between_accepted_normals_and_contour_the_field_is_as_sure_as_its_error_allows() -> None:
+    known, rim = np.zeros((2, 60, 60), dtype=bool)
+    rim[:, 0] = True
+    slope = np.radians(0.3)
+    alone = field_confidence(known, rim, slope, 30.0)
+    within = probability_within_tolerance(slope * (np.arange(60) + MIN_DISTANCE_PX))
+    np.testing.assert_allclose(alone[30], OCCLUDING_CONTOUR_SHARE * within, rtol=1e-5)
+    everywhere = field_confidence(~known, rim, slope, 30.0)
+    np.testing.assert_allclose(everywhere, probability_within_tolerance(slope * MIN_DISTANCE_PX), rtol=1e-5)
 
 
 def test_the_field_is_less_confident_at_a_distance_and_near_the_contour() -> None:

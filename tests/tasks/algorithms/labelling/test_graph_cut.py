@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
@@ -23,6 +24,15 @@ def test_the_log_ratio_prefers_the_field_by_its_spread() -> None:
     uncertain = unary_log_ratio(normals, field, np.full((1, 3), np.radians(30.0)))[0, 0]
     assert certain[0] > certain[1] > 0 > certain[2]
     assert certain[0] > uncertain[0] and certain[2] < uncertain[2]
+
+
+def test_the_log_ratio_compares_a_normal_distribution_with_a_uniform_one_over_the_observable_cap() -> None:
+    field, angle, spread, prior = np.array([[[0.0, 0.0, 1.0]]]), 0.3, 0.2, 0.2
+    normals = np.array([np.sin(angle), 0.0, np.cos(angle)])[None, None, None]
+    density = np.exp(-(angle**2) / (2.0 * spread**2)) / (2.0 * np.pi * spread**2)
+    cap = 2.0 * np.pi * (1.0 - np.cos(np.pi / 4.0))
+    expected = np.log(density * cap) + np.log(prior / (1.0 - prior))
+    assert unary_log_ratio(normals, field, np.full((1, 1), spread), prior) == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_log_ratio_is_nan_without_a_cluster() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.labelling.light_evidence import LightEvidence, light_evidence, turn_angle
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from tests.scene import ellipsoid, false_directions
 
 SCALE = 23.0
@@ -80,6 +81,38 @@ def test_normals_in_no_order_are_no_surface() -> None:
     candidates = np.full((1, *normals.shape), np.nan, np.float32)
     candidates[0, mask] = shuffled
     assert light_evidence(candidates, mask[None], normals, mask, SCALE).has_no_surface
+
+
+def test_the_evidence_is_the_mean_of_the_best_candidates() -> None:
+    normals, _, mask = ellipsoid()
+    candidates = np.stack([normals, false_directions(normals, mask)]).astype(np.float32)
+    candidates[0, :, ::2] = candidates[1, ::3] = np.nan
+    observed = mask & np.isfinite(candidates[..., 0]).any(axis=0)
+    best = np.nanmax(shape_log_ratio(candidates, SCALE)[:, observed], axis=0)
+    evidence = light_evidence(candidates, np.zeros(candidates.shape[:3], bool), normals, observed, SCALE)
+    assert evidence.log_ratio == pytest.approx(best.mean(), rel=1e-5)
+    assert np.isnan(evidence.turn_deg) and not evidence.is_turned
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "error_deg", "is_turned"),
+    [(3.1, 1.0, True), (-3.1, 1.0, True), (2.9, 0.1, False), (4.0, 1.3, True), (4.0, 1.4, False)],
+)
+def test_a_turn_is_three_degrees_and_three_standard_errors(turn_deg: float, error_deg: float, is_turned: bool) -> None:
+    assert LightEvidence("x negated", 0.5, turn_deg, error_deg, 1.0).is_turned == is_turned
+
+
+def test_candidates_look_like_no_surface_where_their_evidence_speaks_against_one() -> None:
+    assert LightEvidence("x negated", 0.5, 0.0, 0.1, -0.01).has_no_surface
+    assert not LightEvidence("x negated", 0.5, 0.0, 0.1, 0.01).has_no_surface
+
+
+def test_normals_of_a_hollow_count_as_turned_by_half_a_turn() -> None:
+    normals, _, _ = ellipsoid()
+    hollow = (normals * [-1.0, -1.0, 1.0])[None].astype(np.float32)
+    hollow[hollow[..., 2] < np.cos(np.radians(45.0))] = np.nan
+    turn, error = turn_angle(hollow, SCALE)
+    assert abs(turn) == pytest.approx(180.0, abs=0.5) and error < 0.5
 
 
 def test_too_few_normals_have_no_turn() -> None:

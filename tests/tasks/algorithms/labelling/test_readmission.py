@@ -40,7 +40,7 @@ def test_the_ear_is_rejected_at_first_and_is_plausible(ear_scene: EarScene, sett
     probability = plausible_sheets(settled)
     found = probability > 0.0
     assert found[0][ear & ~settled.labels[0]].mean() > 0.8
-    assert not found[0][~ear].any()
+    assert not found[0][~ear].any() and not (found & settled.labels).any()
     assert ((probability[found] >= READMITTED_PROBABILITY) & (probability[found] < 1.0)).all()
 
 
@@ -134,3 +134,25 @@ def test_the_probability_follows_field_shape_tilt_and_lights(change: str, is_hig
 
     assert 0.0 < probability("") < 1.0
     assert (probability(change) > probability("")) == is_higher
+
+
+def test_the_probability_weighs_the_present_normal_against_the_patch_and_its_evidence() -> None:
+    away, tilt, confidence, evidence = np.radians(15.0), np.radians(30.0), 0.4, 1.5
+    patches = Patches(np.zeros(16, int), np.zeros(16, int), *np.divmod(np.arange(16), 4), count=1)
+    candidates = LabelledCandidates(
+        np.broadcast_to([np.sin(tilt), 0.0, np.cos(tilt)], (1, 4, 4, 3)),
+        np.zeros((1, 4, 4), bool),
+        np.full((1, 4, 4), evidence),
+        np.full((4, 4), 10),
+    )
+    normals = np.broadcast_to([np.sin(tilt - away), 0.0, np.cos(tilt - away)], (4, 4, 3))
+
+    def density(spread: float) -> float:
+        return float(np.exp(-(away**2) / (2.0 * spread**2)) / (2.0 * np.pi * spread**2))
+
+    likelihood = confidence * density(np.radians(2.5)) + (1.0 - confidence) * density(np.radians(25.0))
+    cap = 2.0 * np.pi * (1.0 - np.cos(np.pi / 4.0))
+    # No node is exterior, which counts as a tenth of them; the odds rise by e in 10 degrees of slant.
+    odds = likelihood * cap * (0.1 / 0.9) * np.exp(evidence + 0.1 * 30.0 - 4.0)
+    probability = surface_probability(patches, candidates, normals, np.full((4, 4), confidence))
+    assert probability == pytest.approx([odds / (1.0 + odds)], rel=1e-6)

@@ -1,5 +1,7 @@
 """Straight edges of convex silhouettes."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -31,11 +33,11 @@ def true_corners() -> np.ndarray:
     return np.array(corners)
 
 
-@pytest.mark.parametrize("rounding", [0.1, 3.0])
-def test_corners_are_where_straight_edges_would_meet(rounding: float) -> None:
-    polygons = contour_polygons(inside(TURNS, DISTANCES, rounding))
-    hexagons = [corners for corners in polygons if len(corners) == 6]
-    assert hexagons
+@pytest.mark.parametrize(("rounding", "count"), [(0.1, 2), (3.0, 1)])
+def test_corners_are_where_straight_edges_would_meet(rounding: float, count: int) -> None:
+    # A polygon that follows rounded corners closely has more of them.
+    hexagons = [corners for corners in contour_polygons(inside(TURNS, DISTANCES, rounding)) if len(corners) == 6]
+    assert len(hexagons) == count
     for corners in hexagons:
         apart = np.linalg.norm(corners[:, None] - true_corners(), axis=-1)
         assert apart.min(axis=1).max() < 3.0
@@ -48,6 +50,13 @@ def test_a_round_silhouette_has_none() -> None:
     assert contour_polygons(np.hypot(columns - 100.0, rows - 90.0) < 70.0) == []
 
 
+@pytest.mark.parametrize(("count", "has_polygon"), [(4, False), (5, True), (10, True), (11, False)])
+def test_five_to_ten_corners_are_those_of_a_solid_of_flat_faces(count: int, has_polygon: bool) -> None:
+    turns = (360.0 / count * np.arange(count) + 7.0).tolist()
+    polygons = contour_polygons(inside(turns, [65.0] * count, rounding=0.1))
+    assert bool(polygons) == has_polygon and all(len(corners) == count for corners in polygons)
+
+
 def test_a_silhouette_with_a_notch_has_none() -> None:
     mask = inside(TURNS, DISTANCES)
     mask[60:120, 100:] = False
@@ -58,3 +67,15 @@ def test_a_few_pixels_have_none() -> None:
     mask = np.zeros((20, 20), bool)
     mask[10, 10:12] = True
     assert contour_polygons(mask) == []
+
+
+def test_long_edges_take_no_memory_with_the_square_of_their_length() -> None:
+    columns, rows = np.meshgrid(np.arange(5000), np.arange(60))
+    mask = (columns > 10) & (columns < 4990) & (rows > 10) & (rows < 50) & (columns + rows > 40)
+    tracemalloc.start()
+    polygons = contour_polygons(mask)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [len(corners) for corners in polygons] == [5, 5]
+    # A square matrix of the points of one edge has 200 MB.
+    assert peak < 5e7

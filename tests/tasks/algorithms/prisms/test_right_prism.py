@@ -69,6 +69,14 @@ def test_a_contour_without_parallel_edges_is_that_of_no_prism() -> None:
     assert swept_contours(corners) == []
 
 
+@pytest.mark.parametrize(("shorter", "is_prism"), [(0.5, True), (0.4, False)])
+def test_edges_along_the_axis_are_of_similar_length(shorter: float, is_prism: bool) -> None:
+    # Two vertical edges, of which one is shorter than the other, and a corner above and below.
+    corners = np.array([(-40.0, -50.0), (0.0, -75.0), (40.0, -50.0 * shorter), (40.0, 50.0 * shorter), (-40.0, 50.0)])
+    found = swept_contours(corners)
+    assert any(len(contour.visible) + len(contour.hidden) == 5 for contour in found) == is_prism
+
+
 def test_an_image_of_every_other_pixel_shows_the_same_prism(block: Block) -> None:
     prism = prism_of(block)
     middle = np.array([-0.5, 0.5])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera, unit
-from glint.tasks.algorithms.revolution.opening import find_opening
+from glint.tasks.algorithms.revolution.opening import _peak, find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from tests.tasks.algorithms.revolution.beaker import tumbler
 
@@ -100,3 +100,15 @@ def test_a_mask_that_reaches_beyond_the_lip_hides_no_opening(is_open: bool) -> N
     rows, columns = np.nonzero(is_inside)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     assert np.mean(angles(opening.entries(x, y)[0], candidates[0, rows, columns]) < 8.0) > 0.8
+
+
+def test_the_best_tilt_is_the_vertex_of_the_scores_and_not_a_single_high_one() -> None:
+    scores = -((np.arange(9.0) - 4.0) ** 2)
+    assert _peak(scores) == 4
+    scores[5] += 1.5
+    assert int(np.argmax(scores)) == 5 and _peak(scores) == 4
+    scores[[0, 1, 8]] = np.nan
+    assert _peak(scores) == 4
+    # Two scores, and those of no vertex, give the best one.
+    assert _peak(np.array([np.nan, 1.0, 2.0, np.nan])) == 2
+    assert _peak(np.array([4.0, 1.0, 0.0, 1.0, 4.5])) == 4

@@ -58,6 +58,21 @@ def test_a_stem_is_found_by_steps_longer_than_the_height_in_which_it_is_looked_f
     assert radii[(heights > -170.0) & (heights < -161.0)].max() < 12.0
 
 
+@pytest.mark.parametrize(
+    ("tilt", "enlarged", "step"), [(66.0, 1, 0.5), (-72.0, 1, 0.5), (50.0, 1, 2.0), (15.0, 4, 4.0), (-40.0, 4, 8.0)]
+)
+def test_the_tip_of_an_end_that_is_seen_obliquely_is_no_stem(tilt: float, enlarged: int, step: float) -> None:
+    columns, rows = np.meshgrid(np.arange(100 * enlarged), np.arange(190 * enlarged))
+    x, y = columns - (100 * enlarged - 1) / 2, (190 * enlarged - 1) / 2 - rows
+    radius, half_height = 45.0 * enlarged, 50.0 * enlarged
+    beyond = np.maximum(np.abs(y) - half_height * np.cos(np.radians(tilt)), 0.0)
+    mask = x**2 + (beyond / np.sin(np.radians(tilt))) ** 2 < radius**2
+    axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
+    surface = SurfaceOfRevolution.from_silhouette(mask, axis, np.radians(tilt), step)
+    assert surface.end_height == pytest.approx(np.sign(tilt) * half_height, abs=3.0 * max(step, 1.0))
+    assert surface.end_radius == pytest.approx(radius, rel=0.03)
+
+
 def test_normals_of_the_stem_raise_the_plate_of_the_foot() -> None:
     tilt = np.radians(14.0)
     mask, axis = silhouette(tilt)

@@ -113,3 +113,17 @@ def test_the_end_that_faces_the_camera_is_cut_off(tilt: float) -> None:
 def test_nothing_is_cut_off_where_no_end_faces_the_camera() -> None:
     level = tumbler(0.0, 60.0, 45.0)
     assert level.cut_off(10.0) is level
+
+
+@pytest.mark.parametrize("step", [1.0, 4.0, 10.0])
+def test_rays_through_the_end_are_told_from_others_whatever_the_step(step: float) -> None:
+    heights = np.arange(-700.0, 701.0, step)
+    radii = np.where(np.abs(heights) < 699.0, 400.0, 0.0)
+    radii[[0, -1]] = 0.0
+    surface = SurfaceOfRevolution(UPRIGHT, np.radians(30.0), heights, radii**2, np.gradient(radii**2, heights) / 2.0)
+    azimuth, share = (grid.ravel() for grid in np.meshgrid(np.linspace(0.0, 6.0, 40), np.linspace(0.05, 0.97, 20)))
+    middle, aspect = surface.end_height * np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    for scale, is_end in ((1.0, True), (1.07, False)):
+        x = scale * 400.0 * (share if is_end else 1.0) * np.cos(azimuth)
+        y = middle + scale * 400.0 * (share if is_end else 1.0) * aspect * np.sin(azimuth)
+        assert surface.is_end(x, y).mean() == pytest.approx(float(is_end), abs=0.03)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.sheets.patches import MIN_PATCH_NODES, cut_patches
+from glint.tasks.algorithms.sheets.patches import MIN_PATCH_NODES, Patches, cut_patches
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
 
@@ -22,3 +22,24 @@ def test_patches_have_one_label_and_a_bounded_size() -> None:
     for index in (patches.row, patches.column):
         assert max(np.ptp(index[patches.number == number]) for number in range(patches.count)) < 12
     assert patches.exterior(labels).sum() == len({(r // 12, c // 12) for r in range(5, 33) for c in range(7, 45)})
+
+
+def test_three_nodes_make_a_patch_and_no_nodes_make_none() -> None:
+    normals = np.full((1, 1, 20, 3), np.nan, np.float32)
+    graph = sheet_graph(normals)
+    assert cut_patches(*graph, np.zeros(graph[0].shape), inradius=100.0).count == 0
+    normals[0, 0, [0, 1, 10, 11, 12]] = (0.0, 0.0, 1.0)
+    patches = cut_patches(*sheet_graph(normals), np.zeros(graph[0].shape), inradius=100.0)
+    assert patches.count == 1 and patches.column.tolist() == [10, 11, 12]
+
+
+def test_values_of_patches_are_those_of_their_nodes() -> None:
+    number, layer, row, column = np.array([[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], [2, 1, 0, 3]])
+    patches = Patches(number, layer, row, column, count=2)
+    assert patches.sum(np.array([1.0, 2.0, 6.0, 5.0])).tolist() == [9.0, 5.0]
+    assert patches.mean(np.array([1.0, 2.0, 6.0, 5.0])).tolist() == [3.0, 5.0]
+    labels = np.arange(16).reshape(2, 2, 4)
+    assert patches.of(labels).tolist() == [2, 5, 12, 15]
+    # Of the first patch two nodes of three are exterior, of the second none.
+    assert patches.exterior(np.isin(labels, (2, 5))).tolist() == [True, False]
+    assert patches.exterior(np.isin(labels, (2, 15))).tolist() == [False, True]

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 from tests.tasks.algorithms.sheets.two_sheets import tilted, two_sheets
@@ -48,3 +49,19 @@ def test_a_small_sheet_is_averaged_as_a_whole_wherever_it_lies() -> None:
     sheets[80:88, 70:78] = 0
     values = np.where(np.arange(90) < 74, 1.0, 2.0) * np.ones((90, 1))
     assert (sheet_means(sheets, values, 4.0)[sheets == 0] == 1.5).all()
+
+
+@pytest.mark.parametrize("step", [(0, 1), (1, 0), (1, 1), (1, -1)])
+def test_neighbours_on_all_sides_belong_together_but_no_pixels_farther_apart(step: tuple[int, int]) -> None:
+    for distance, count in ((1, 1), (2, 2)):
+        normals = np.full((7, 7, 3), np.nan)
+        for pixel in range(2):
+            normals[2 + pixel * distance * step[0], 3 + pixel * distance * step[1]] = tilted(0.0)
+        sheets = segment_sheets(normals)
+        assert len(np.unique(sheets[sheets >= 0])) == count
+
+
+def test_a_sheet_a_little_longer_than_the_window_is_not_averaged_as_a_whole() -> None:
+    sheets, values = np.zeros((1, 30), int), np.where(np.arange(30) < 15, 3.0, -1.0)[None]
+    assert np.ptp(sheet_means(sheets, values, 15.0)) == 0.0
+    assert np.ptp(sheet_means(sheets, values, 14.9)) > 1.0
