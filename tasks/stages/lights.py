@@ -121,11 +121,12 @@ def _of_spheres(
     inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
 ) -> _MeasuredLights:
     """Measure the lights on the spheres, their distance and the camera."""
-    by_sphere = _by_sphere(inputs, geometry, cache, progress)
+    is_given = bool(inputs.load("survey").record.get("given_spheres"))
+    by_sphere = _by_sphere(inputs, geometry, cache, progress, is_given)
     parameters: LightsParameters = inputs.parameters
     measured = measure_distance(by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance)
     measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
-    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
+    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None, is_given=is_given)
     return _MeasuredLights(measured, camera, _light_radius(by_sphere, geometry), [*doubts, *measured.warnings])
 
 
@@ -184,9 +185,11 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> list[Lights]:
-    """Measure the lights on all spheres."""
-    by_sphere, is_given = [], bool(inputs.load("survey").record.get("given_spheres"))
+def _by_sphere(
+    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress, is_given: bool
+) -> list[Lights]:
+    """Measure the lights on all spheres; is_given: whether a person gave them."""
+    by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)

@@ -17,7 +17,7 @@ from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.engine.references import load_catalogue
-from tests.storage.footage.videos import write_video
+from tests.storage.footage.videos import write_images, write_video
 from tests.tasks.algorithms.lighting.chrome_table import Scene, render
 from tests.tasks.make_context import make_context, perform_all
 
@@ -106,6 +106,24 @@ def test_a_region_that_misses_the_object(refused: Refused, simulated: Path) -> N
     beside = {"x": 0, "y": 0, "width": region.x, "height": 20}
     error = refused(region=beside, mask=None)
     assert f"no object is found in the region x 0 to {region.x - 1}, y 0 to 19: no highlight, 0 of" in str(error)
+
+
+@pytest.mark.parametrize("region", [None, {"x": 0, "y": 0, "width": 120, "height": 90}])
+def test_flashes_that_are_no_connected_area(refused: Refused, tmp_path: Path, region: dict[str, int] | None) -> None:
+    generator = np.random.default_rng(0)
+    levels = 100.0 + 10.0 * np.sin(np.arange(40) / 3.0)[:, None, None] * np.linspace(0.8, 1.2, 120)
+    frames = (levels + generator.normal(0.0, 2.0, (40, 90, 120))).astype(np.uint8)
+    for number, frame in enumerate(frames):
+        frame[40 + number % 16, 50 + number % 16] = 255
+    write_images(tmp_path / "images", list(frames))
+    error = refused(
+        frames=str(tmp_path / "images"),
+        mask=None,
+        region=region,
+        spheres=[{"x": 20.0, "y": 20.0, "radius": 10.0}],
+    )
+    assert "what flashes is no connected area" in str(error) and "paint a mask" in str(error)
+    assert ("in the region x 0 to 119, y 0 to 89" in str(error)) == (region is not None)
 
 
 def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:

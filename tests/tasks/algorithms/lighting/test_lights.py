@@ -64,6 +64,13 @@ def test_sixteen_bits_give_the_same_lights() -> None:
     assert np.nanmax(angles(wide.half_vectors, find_lights(frames, SPHERE).half_vectors)) < 0.01
 
 
+@pytest.mark.parametrize("frames", [3, 5])
+def test_noise_of_a_dark_sphere_in_sixteen_bits_is_no_light(frames: int) -> None:
+    noise = np.random.default_rng(0).normal(400.0, 60.0, (frames, *SHAPE)).astype(np.uint16)
+    with pytest.raises(UnusableCapture, match=r"the brightest spot is [01] levels of 255 above"):
+        find_lights(noise, SPHERE)
+
+
 def test_every_rejected_frame_has_its_reason() -> None:
     frames = [sphere_frame(SPHERE, [light], SHAPE, seed=k) for k, light in enumerate(LIGHTS)]
     frames[3] = sphere_frame(SPHERE, [], SHAPE, seed=3)
