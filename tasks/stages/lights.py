@@ -43,7 +43,7 @@ from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_ge
 from glint.tasks.stages.frames import load_thumbnails, open_frames
 from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_runs
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
-from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
+from glint.tasks.stages.sphere_doubts import inner_edge_error, sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
@@ -68,11 +68,13 @@ class _MeasuredLights:
     """Lights of all frames, corrected for their distance.
 
     camera: record of the camera that the spheres show, None without. light_radius: in degrees, None: unknown.
+    circle_sd: radians per axis, see `inner_edge_error`.
     """
 
     distance: DistanceResult
     camera: Mapping[str, Any] | None = None
     light_radius: float | None = None
+    circle_sd: float = 0.0
     warnings: Sequence[StageWarning] = ()
 
 
@@ -96,7 +98,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
-    disc_sd = np.full((geometry.region.height, geometry.region.width), _disc_error(measured.light_radius))
+    shared_sd = float(np.hypot(_disc_error(measured.light_radius), measured.circle_sd))
+    everywhere_sd = np.full((geometry.region.height, geometry.region.width), shared_sd)
     sweep = coverage(result.half_vectors)
     rejected = {
         f"rejected: {reason}": int((result.reason == code).sum())
@@ -109,7 +112,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured.distance),
-            "half_vector_sd": combined_error([disc_sd, *measured.distance.errors]),
+            "half_vector_sd": combined_error([everywhere_sd, *measured.distance.errors]),
         },
         record=_record(measured, result, sweep, geometry, SPHERES if known is None else FILE),
         counts={"accepted": accepted, **rejected},
@@ -127,7 +130,8 @@ def _of_spheres(
     measured = measure_distance(by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance)
     measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
     doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None, is_given=is_given)
-    return _MeasuredLights(measured, camera, _light_radius(by_sphere, geometry), [*doubts, *measured.warnings])
+    light_radius, circle_sd = _light_radius(by_sphere, geometry), inner_edge_error(measured.lights)
+    return _MeasuredLights(measured, camera, light_radius, circle_sd, [*doubts, *measured.warnings])
 
 
 def _record(

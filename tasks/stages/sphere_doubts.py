@@ -18,13 +18,22 @@ MIN_RADIUS_PX = 19.5
 of a smaller one can vanish beside the edge of what it mirrors."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 """Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
-half vectors that this has."""
+half vectors that it has then."""
 
 
 def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
     """Return the RMS of `spheres_error` over all accepted lights, radians; 0 without lights."""
     errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
     return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
+
+
+def inner_edge_error(result: Lights) -> float:
+    """Return the standard deviation per axis, radians, of half vectors whose circle may be an edge inside the sphere.
+
+    It is 0 where few highlights lie near the contour.
+    """
+    is_doubted = _share_near_contour(result) > MAX_BEHIND_SHARE
+    return float(np.radians(SMALL_CIRCLE_DEG) / np.sqrt(2.0)) if is_doubted else 0.0
 
 
 def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool, is_given: bool) -> list[StageWarning]:
@@ -76,8 +85,7 @@ def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | Non
 
 def _inner_edge_doubt(result: Lights, is_given: bool) -> StageWarning | None:
     """Return a warning of highlights that lie where only those on a circle inside the contour do."""
-    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
-    behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
+    behind = _share_near_contour(result)
     if behind <= MAX_BEHIND_SHARE:
         return None
     message = (
@@ -86,6 +94,12 @@ def _inner_edge_doubt(result: Lights, is_given: bool) -> StageWarning | None:
         f" {'correct' if is_given else 'give'} `spheres` in the catalogue"
     )
     return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _share_near_contour(result: Lights) -> float:
+    """Return the share of the highlights that lie so near the contour as those of lights behind the object."""
+    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
+    return float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
 
 
 def _disagreement(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:

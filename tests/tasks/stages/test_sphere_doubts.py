@@ -1,14 +1,17 @@
 """Doubt of spheres: small ones that were found, and what their fits leave uncertain in the half vectors."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
-from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
+from glint.tasks.stages.sphere_doubts import inner_edge_error, sphere_doubts, sweep_error
+from tests.tasks.make_context import make_context, perform_all
 
 HALF_VECTORS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]], np.float32)
 UNKNOWN = np.full(2, np.nan, np.float32)
@@ -65,6 +68,18 @@ def test_of_two_spheres_the_worse_one_is_named() -> None:
 def test_many_highlights_near_the_contour_tell_of_a_circle_inside_the_sphere(behind: int, is_told: bool) -> None:
     warnings = sphere_doubts([Sphere(0.0, 0.0, 40.0)], lights_behind(behind), is_near=False, is_given=False)
     assert [f"{behind}% of the highlights" in warning.message for warning in warnings] == [True] * is_told
+    assert np.degrees(inner_edge_error(lights_behind(behind))) == pytest.approx(4.95 * is_told, abs=0.01)
+
+
+@pytest.mark.parametrize("radius", [16.0, 22.0])
+def test_the_half_vectors_of_a_circle_inside_the_sphere_are_not_trusted(
+    simulated: Path, tmp_path: Path, radius: float
+) -> None:
+    given = load(simulated).objects[0].captures[0].spheres[0]
+    work = make_context(simulated, tmp_path / "store", spheres=[{"x": given.x, "y": given.y, "radius": radius}])
+    perform_all(work, "lights")
+    is_inside = radius < 0.8 * given.radius
+    assert (work.load("lights").read("half_vector_sd").min() > np.radians(4.0)) == is_inside
 
 
 @pytest.mark.parametrize(("angle", "is_near", "is_told"), [(1.5, False, True), (1.5, True, False), (0.5, False, False)])
