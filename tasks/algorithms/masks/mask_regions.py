@@ -103,12 +103,16 @@ def filled(differing: np.ndarray, share: float) -> np.ndarray:
     """
     mask = closed(differing, share * _root_area(differing))
     around, open_labels = _around_solid(differing, mask)
-    holes, count = ndimage.label(~mask)
-    outside = set(np.unique(_frame_edge(holes)))
-    for hole in set(range(1, count + 1)) - outside:
-        region = holes == hole
-        if region.sum() < MIN_HOLE_RATIO * mask.sum() or np.isin(around[region], open_labels).mean() > 0.5:
-            mask |= region
+    holes, _ = ndimage.label(~mask)
+    outside, area = set(np.unique(_frame_edge(holes))), int(mask.sum())
+    for number, window in enumerate(ndimage.find_objects(holes), 1):
+        if number in outside:
+            continue
+        hole = holes[window] == number
+        size = int(hole.sum())
+        if size < MIN_HOLE_RATIO * area or np.isin(around[window][hole], open_labels).mean() > 0.5:
+            mask[window] |= hole
+            area += size
     return mask
 
 
