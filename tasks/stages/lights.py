@@ -92,20 +92,18 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = _MeasuredLights(DistanceResult(_known(inputs, known, cache.frames), None, None, [], []))
     before = _is_light_before_object(inputs, cache)
     result = without_frames(measured.distance.lights, before, BEFORE_OBJECT)
-    accepted = int(result.accepted.sum())
+    accepted, *counts = np.bincount(result.reason, minlength=len(REASONS)).tolist()
+    rejected = {reason: count for reason, count in zip(REASONS[1:], counts, strict=True) if count}
     if accepted < 2:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in rejected.items())
         raise UnusableCapture(
-            f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
+            f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object"
+            f" (rejected: {reasons})",
             "record for longer and move the light over the whole hemisphere before the object",
         )
     shared_sd = float(np.hypot(_disc_error(measured.light_radius), measured.circle_sd))
     everywhere_sd = np.full((geometry.region.height, geometry.region.width), shared_sd)
     sweep = coverage(result.half_vectors)
-    rejected = {
-        f"rejected: {reason}": int((result.reason == code).sum())
-        for code, reason in enumerate(REASONS)
-        if code != ACCEPTED and (result.reason == code).any()
-    }
     return StageOutput(
         arrays={
             "half_vectors": result.half_vectors,
@@ -115,7 +113,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "half_vector_sd": combined_error([everywhere_sd, *measured.distance.errors]),
         },
         record=_record(measured, result, sweep, geometry, SPHERES if known is None else FILE),
-        counts={"accepted": accepted, **rejected},
+        counts={"accepted": accepted} | {f"rejected: {reason}": count for reason, count in rejected.items()},
         warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *measured.warnings],
     )
 

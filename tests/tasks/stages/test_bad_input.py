@@ -132,6 +132,21 @@ def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_p
     assert "no moving light" in str(refused(frames=str(path)))
 
 
+def test_too_few_lights_before_the_object(refused: Refused, simulated: Path, tmp_path: Path) -> None:
+    """The reasons why frames are rejected tell whether the light, the sphere or the mask is to be moved."""
+    capture = load(simulated).objects[0].captures[0]
+    z = np.load(Path(str(capture.truth)) / "lights.npy")[:, 2]
+    with open_footage(capture.frames) as footage:
+        film = [frame.copy() for frame in footage.frames()]
+    chosen = [*np.flatnonzero(z < 0.0), *np.flatnonzero(np.isnan(z)), int(np.nanargmax(z))]
+    write_images(tmp_path / "images", [film[number] for number in chosen])
+    error = refused(frames=str(tmp_path / "images"))
+    expected = (
+        "1 of 7 frames has a light before the object (rejected: 3 no light, 3 behind the object): record for longer"
+    )
+    assert str(error).startswith(expected)
+
+
 def test_one_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
     path = write_video(tmp_path / "one.mp4", frames[40:41])
     error = refused(frames=str(path))
