@@ -21,6 +21,7 @@ from glint.tasks.algorithms.lighting.highlights import (
     static_background,
     without_blur,
 )
+from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.spheres import MIN_OBSERVABLE_NZ, Sphere, precision_weights
 
 REASONS = (
@@ -157,8 +158,7 @@ def find_lights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None
     Raises:
         UnusableCapture: no frame shows a light.
     """
-    steps = np.unique(np.linspace(0, len(frames) - 1, min(BACKGROUND_FRAMES, len(frames))).round().astype(int))
-    static = static_background(frames[steps], sphere, camera=camera)
+    static = static_background(spread(frames, BACKGROUND_FRAMES), sphere, camera=camera)
     blocks = [
         measure_highlights(frames[start : start + BLOCK_FRAMES], sphere, static, camera=camera)
         for start in range(0, len(frames), BLOCK_FRAMES)
