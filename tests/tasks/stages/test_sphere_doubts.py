@@ -39,6 +39,7 @@ def test_a_small_sphere_is_doubted_unless_it_was_given() -> None:
 def test_a_badly_known_contour_is_doubted_with_a_remedy_that_helps() -> None:
     assert "or give `spheres`" in doubts(Sphere(0.0, 0.0, 40.0, 0.3, 0.8, 0.8))[0]
     assert "or a larger sphere" in doubts(Sphere(0.0, 0.0, 40.0, 1.0, 0.8, 0.8), is_given=True)[0]
+    assert doubts(Sphere(0.0, 0.0, 40.0, 1.0, 0.3, 0.3), is_given=True) == []
 
 
 def test_whoever_gave_a_circle_that_a_fit_replaces_is_not_told_to_give_one() -> None:
@@ -92,6 +93,13 @@ def test_spheres_that_disagree_are_told_unless_a_near_light_explains_it(
     assert ["disagree on the half vectors by 3.0 degrees" in warning.message for warning in warnings] == [
         True
     ] * is_told
+
+
+@pytest.mark.parametrize(("deviation", "is_told"), [(0.3, True), (0.45, False)])
+def test_spheres_may_disagree_by_what_their_contours_leave_open(deviation: float, is_told: bool) -> None:
+    lights = replace(LIGHTS, inter_sphere_angle=np.full(2, 1.5, np.float32))
+    spheres = [Sphere(x, 0.0, 40.0, 1.0, deviation, deviation) for x in (0.0, 200.0)]
+    assert bool(sphere_doubts(spheres, lights, is_near=False, is_given=True)) == is_told
 
 
 def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere() -> None:
