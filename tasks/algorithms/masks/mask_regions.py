@@ -70,13 +70,15 @@ def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarr
     return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
 
 
-def object_sizes(mask: np.ndarray) -> list[int]:
+def object_sizes(mask: np.ndarray, counted: np.ndarray) -> list[int]:
     """Return the pixels of those separate parts of a mask (H, W) bool that may each be an object, largest first.
 
     Small parts beside a large one belong to it: the masks of glass often fall apart.
+
+    counted: (H, W) bool, pixels that count, as those beside the spheres; the others only join what lies around them.
     """
     parts, _ = ndimage.label(closed(mask, GAP_SHARE * _root_area(mask)))
-    sizes = sorted((int(size) for size in np.bincount(parts[mask], minlength=1)[1:]), reverse=True)
+    sizes = sorted((int(size) for size in np.bincount(parts[mask & counted], minlength=1)[1:]), reverse=True)
     return [size for size in sizes if size >= MIN_OBJECT_RATIO * sizes[0]]
 
 
