@@ -110,6 +110,14 @@ def test_a_highlight_half_of_which_a_window_hides_is_ambiguous(window_x: int, re
     assert 1.0 / 3.0 < lights.area[-1] / np.median(lights.area) < 3.0
 
 
+@pytest.mark.parametrize(("radius_deg", "reason"), [(30.0, ACCEPTED), (48.0, AMBIGUOUS)])
+def test_what_fills_a_quarter_of_the_disc_of_lights_is_no_highlight(radius_deg: float, reason: int) -> None:
+    frames = [
+        sphere_frame(SPHERE, [light_direction(120.0 * k, 70.0)], SHAPE, light_radius_deg=radius_deg) for k in range(3)
+    ]
+    assert (find_lights(np.stack(frames * 4), SPHERE).reason == reason).all()
+
+
 def test_two_small_reflections_are_no_two_lights() -> None:
     lights = [light_direction(20.0, 40.0), light_direction(190.0, 50.0)]
     small = sphere_frame(SPHERE, lights, SHAPE, light_radius_deg=3.5)
