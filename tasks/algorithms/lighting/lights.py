@@ -176,7 +176,7 @@ def merge_spheres(per_sphere: Sequence[Lights], spheres: Sequence[Sphere], *, to
     """Merge the lights of several spheres: the mean half vector of those that accept a frame, by `precision_weights`.
 
     A frame in which a sphere's half vector lies further than `tolerance` degrees from the middle of all is ambiguous. A
-    frame that no sphere accepts keeps the first sphere's reason.
+    frame that no sphere accepts keeps the first sphere's reason. The area is that of the largest highlight.
 
     Raises:
         ValueError: no lights, or different numbers of frames.

@@ -207,6 +207,8 @@ def test_several_spheres_are_averaged_with_their_inter_sphere_angle() -> None:
     assert 0.3 < median < 1.0 and worst < 2.0
     assert merged.accepted.sum() == (first.accepted | second.accepted).sum()
     assert np.nanmax(angles(merged.half_vectors, first.half_vectors)) < 1.5
+    shared = first.accepted & second.accepted
+    assert np.array_equal(merged.area[shared], np.maximum(first.area, second.area)[shared])
     assert merge_spheres([first], [SPHERE]) is first
     with pytest.raises(ValueError):
         merge_spheres([], [])
