@@ -1,9 +1,10 @@
 """Parameters of the stages: each default that matters, with its range; a catalogue overrides them by stage and name."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Degrees = Annotated[float, Field(gt=0, le=90)]
@@ -48,9 +49,10 @@ class FramesParameters(StageParameters):
 
 class LightsParameters(StageParameters):
     """peak_level, edge_level, full_level: levels of a highlight on the sphere between its background level (0) and
-    saturation (1): of its brightest pixel, of its edge, and from which a pixel counts in full; second_light_ratio: area
-    of a second light relative to the first; area_ratio: of a highlight to the usual area, beyond which it is ambiguous;
-    tolerance: degrees between spheres; distance: of a near light in mm (two spheres measure it themselves)."""
+    saturation (1): of its brightest pixel, of its edge, and, above that, from which a pixel counts in full;
+    second_light_ratio: area of a second light relative to the first; area_ratio: of a highlight to the usual area,
+    beyond which it is ambiguous; tolerance: degrees between spheres; distance: of a near light in mm (two spheres
+    measure it themselves)."""
 
     peak_level: Share = 0.6
     edge_level: Share = 0.25
@@ -59,6 +61,16 @@ class LightsParameters(StageParameters):
     area_ratio: Annotated[float, Field(gt=1)] = 3.0
     tolerance: Degrees = 5.0
     distance: Positive | None = None
+
+    @model_validator(mode="after")
+    def _rises_from_edge_to_full(self) -> Self:
+        if self.edge_level >= self.full_level:
+            raise PydanticCustomError(
+                "levels",
+                "edge_level {edge} must be below full_level {full}",
+                {"edge": self.edge_level, "full": self.full_level},
+            )
+        return self
 
 
 class MaskParameters(StageParameters):

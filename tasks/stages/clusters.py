@@ -195,6 +195,6 @@ def _warnings(
     else:
         message = (
             f"only {share:.0%} of the object showed a highlight: record for longer, with a brighter light or exposure,"
-            " and sweep the light over the whole hemisphere before the object"
+            " sweep the light over the whole hemisphere before the object, and check that the mask lies on the object"
         )
     return [StageWarning(message, "coverage", EXTRAPOLATED_ERROR_DEG)]

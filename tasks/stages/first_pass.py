@@ -14,7 +14,8 @@ from glint.storage.frames.cache import cache_digest
 from glint.storage.frames.eviction import discard_frames
 from glint.tasks.algorithms.errors import UnusableFrames
 from glint.tasks.algorithms.frames.frame_sample import FrameSample
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.pyramid import spread
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES
 from glint.tasks.engine.stage import Progress
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.capture_geometry import OBJECT

@@ -1,6 +1,7 @@
 """Parts of a frame: the rectangles of object and spheres, and whether what is given fits the frame."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,9 +55,8 @@ def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
         MisplacedSphere: one leaves it.
     """
     for sphere in spheres:
-        reach = sphere.radius - 1.0
-        inside = reach <= sphere.x <= size[1] - 1 - reach and reach <= sphere.y <= size[0] - 1 - reach
-        if not inside:
+        # Whoever drew the circle may be off by a pixel.
+        if not replace(sphere, radius=sphere.radius - 1.0).is_inside(size[1], size[0]):
             raise MisplacedSphere(
                 f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
                 f" {size[1]} x {size[0]} pixels",

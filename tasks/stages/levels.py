@@ -9,6 +9,7 @@ from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 from glint.storage.frames.cache import FrameCache
 from glint.tasks.algorithms.lighting.occlusion import clipped_pixels
+from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.engine.stage_inputs import CaptureResults
 from glint.tasks.stages.capture_geometry import OBJECT
 
@@ -91,9 +92,7 @@ def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
 
 def spread_runs(frames: int, count: int) -> list[int]:
     """Return the first frames of at most `count` runs of LEVEL_FRAMES frames, spread evenly over so many frames."""
-    starts = np.arange(0, frames, LEVEL_FRAMES)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int))
-    return [int(start) for start in starts[chosen]]
+    return [int(start) for start in spread(np.arange(0, frames, LEVEL_FRAMES), count)]
 
 
 class _Levels:

@@ -43,7 +43,7 @@ from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_ge
 from glint.tasks.stages.frames import load_thumbnails, open_frames
 from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_runs
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
-from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
+from glint.tasks.stages.sphere_doubts import inner_edge_error, sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
@@ -68,11 +68,13 @@ class _MeasuredLights:
     """Lights of all frames, corrected for their distance.
 
     camera: record of the camera that the spheres show, None without. light_radius: in degrees, None: unknown.
+    circle_sd: radians per axis, see `inner_edge_error`.
     """
 
     distance: DistanceResult
     camera: Mapping[str, Any] | None = None
     light_radius: float | None = None
+    circle_sd: float = 0.0
     warnings: Sequence[StageWarning] = ()
 
 
@@ -90,29 +92,28 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = _MeasuredLights(DistanceResult(_known(inputs, known, cache.frames), None, None, [], []))
     before = _is_light_before_object(inputs, cache)
     result = without_frames(measured.distance.lights, before, BEFORE_OBJECT)
-    accepted = int(result.accepted.sum())
+    accepted, *counts = np.bincount(result.reason, minlength=len(REASONS)).tolist()
+    rejected = {reason: count for reason, count in zip(REASONS[1:], counts, strict=True) if count}
     if accepted < 2:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in rejected.items())
         raise UnusableCapture(
-            f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
+            f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object"
+            f" (rejected: {reasons})",
             "record for longer and move the light over the whole hemisphere before the object",
         )
-    disc_sd = np.full((geometry.region.height, geometry.region.width), _disc_error(measured.light_radius))
+    shared_sd = float(np.hypot(_disc_error(measured.light_radius), measured.circle_sd))
+    everywhere_sd = np.full((geometry.region.height, geometry.region.width), shared_sd)
     sweep = coverage(result.half_vectors)
-    rejected = {
-        f"rejected: {reason}": int((result.reason == code).sum())
-        for code, reason in enumerate(REASONS)
-        if code != ACCEPTED and (result.reason == code).any()
-    }
     return StageOutput(
         arrays={
             "half_vectors": result.half_vectors,
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured.distance),
-            "half_vector_sd": combined_error([disc_sd, *measured.distance.errors]),
+            "half_vector_sd": combined_error([everywhere_sd, *measured.distance.errors]),
         },
         record=_record(measured, result, sweep, geometry, SPHERES if known is None else FILE),
-        counts={"accepted": accepted, **rejected},
+        counts={"accepted": accepted} | {f"rejected: {reason}": count for reason, count in rejected.items()},
         warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *measured.warnings],
     )
 
@@ -121,12 +122,14 @@ def _of_spheres(
     inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
 ) -> _MeasuredLights:
     """Measure the lights on the spheres, their distance and the camera."""
-    by_sphere = _by_sphere(inputs, geometry, cache, progress)
+    is_given = bool(inputs.load("survey").record.get("given_spheres"))
+    by_sphere = _by_sphere(inputs, geometry, cache, progress, is_given)
     parameters: LightsParameters = inputs.parameters
     measured = measure_distance(by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance)
     measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
-    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
-    return _MeasuredLights(measured, camera, _light_radius(by_sphere, geometry), [*doubts, *measured.warnings])
+    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None, is_given=is_given)
+    light_radius, circle_sd = _light_radius(by_sphere, geometry), inner_edge_error(measured.lights)
+    return _MeasuredLights(measured, camera, light_radius, circle_sd, [*doubts, *measured.warnings])
 
 
 def _record(
@@ -185,9 +188,11 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> list[Lights]:
-    """Measure the lights on all spheres."""
-    by_sphere, is_given = [], bool(inputs.load("survey").record.get("given_spheres"))
+def _by_sphere(
+    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress, is_given: bool
+) -> list[Lights]:
+    """Measure the lights on all spheres; is_given: whether a person gave them."""
+    by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)

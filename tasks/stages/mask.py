@@ -101,7 +101,7 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
 def _several_objects(pixels: np.ndarray, geometry: CaptureGeometry, estimated: bool) -> list[StageWarning]:
     """Warn of a mask of several objects: symmetry, surroundings and depth are sought as those of one."""
     spheres = [sphere.in_crop(geometry.region.x, geometry.region.y) for sphere in geometry.spheres]
-    sizes = object_sizes(pixels & beside_spheres(pixels.shape, spheres))
+    sizes = object_sizes(pixels, beside_spheres(pixels.shape, spheres))
     if len(sizes) < 2:
         return []
     name = "the estimated mask" if estimated else "the mask"

@@ -11,6 +11,7 @@ from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.masks.table_separation import MASK_REMEDY
 from glint.tasks.engine.stage import Progress
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
@@ -145,13 +146,16 @@ class PlaceSearch:
         return Places(spheres, region, mask, share, [*warnings, *changes])
 
     def _estimated_mask(self, sample: Sample, spheres: Sequence[Sphere]) -> np.ndarray:
-        """Return the mask (H, W) bool of the full frame.
+        """Return the mask (H, W) bool of the full frame, with pixels of an object.
 
         Raises:
             UnusableCapture: no object can be found, in the region if one is given.
         """
         try:
-            return sample.reduced.estimate_mask(spheres, within(self.region, self.size))
+            mask = sample.reduced.estimate_mask(spheres, within(self.region, self.size))
+            if not mask.any():
+                raise UnusableCapture("what flashes is no connected area", MASK_REMEDY)
+            return mask
         except UnusableCapture as error:
             if self.region is None:
                 raise

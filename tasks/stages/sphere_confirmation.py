@@ -6,7 +6,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.pyramid import spread
+from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES
 from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import (

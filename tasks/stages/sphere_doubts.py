@@ -18,7 +18,7 @@ MIN_RADIUS_PX = 19.5
 of a smaller one can vanish beside the edge of what it mirrors."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 """Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
-half vectors that this has."""
+half vectors that it has then."""
 
 
 def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
@@ -27,26 +27,38 @@ def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
     return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
 
 
-def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
-    """Warn where the spheres leave the light uncertain, of the first cause alone.
+def inner_edge_error(result: Lights) -> float:
+    """Return the standard deviation per axis, radians, of half vectors whose circle may be an edge inside the sphere.
+
+    It is 0 where few highlights lie near the contour.
+    """
+    is_doubted = _share_near_contour(result) > MAX_BEHIND_SHARE
+    return float(np.radians(SMALL_CIRCLE_DEG) / np.sqrt(2.0)) if is_doubted else 0.0
+
+
+def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool, is_given: bool) -> list[StageWarning]:
+    """Warn where the spheres leave the light uncertain, of the most costly cause alone.
 
     spheres: in pixels of the full frame; result: the lights of all of them; is_near: whether these are corrected for
-    the parallax of a near light, so that spheres may disagree.
+    the parallax of a near light, so that spheres may disagree; is_given: whether a person gave the spheres.
     """
-    doubt = _contour_doubt(spheres, result) or _size_doubt(spheres) or _inner_edge_doubt(result)
-    if doubt is None and not is_near:
-        doubt = _disagreement(spheres, result)
-    return [] if doubt is None else [doubt]
+    possible = (
+        _contour_doubt(spheres, result, is_given),
+        _size_doubt(spheres, is_given),
+        _inner_edge_doubt(result, is_given),
+    )
+    doubts = [doubt for doubt in possible if doubt is not None]
+    if not doubts and not is_near and (disagreement := _disagreement(spheres, result)) is not None:
+        return [disagreement]
+    return sorted(doubts, key=lambda doubt: -doubt.cost_deg)[:1]
 
 
-def _contour_doubt(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
+def _contour_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) -> StageWarning | None:
     """Return a warning of contours that are known too coarsely for the directions to the light."""
     # The error has two axes; that of the light is twice that of the half vector.
     error = float(np.degrees(sweep_error(spheres, result))) * np.sqrt(2.0)
     if not 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
         return None
-    # A sphere that was given and stands has the score 1.
-    is_given = all(sphere.score == 1.0 for sphere in spheres)
     worst = max(spheres, key=_contour_percent)
     place = "" if len(spheres) == 1 else f" at ({worst.x:.1f}, {worst.y:.1f})"
     message = (
@@ -57,30 +69,37 @@ def _contour_doubt(spheres: Sequence[Sphere], result: Lights) -> StageWarning | 
     return StageWarning(message, "sphere", error)
 
 
-def _size_doubt(spheres: Sequence[Sphere]) -> StageWarning | None:
-    """Return a warning of a sphere that was found and is small."""
+def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | None:
+    """Return a warning of a sphere that is small and was found, or measured in place of a given circle."""
+    # A given circle that stands has the score 1.
     smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
     if smallest >= MIN_RADIUS_PX:
         return None
     message = (
         f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
-        " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
+        " edge inside it: use a sphere of at least 40 pixels across"
+        + ("" if is_given else ", or give `spheres` in the catalogue")
     )
     return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
 
 
-def _inner_edge_doubt(result: Lights) -> StageWarning | None:
+def _inner_edge_doubt(result: Lights, is_given: bool) -> StageWarning | None:
     """Return a warning of highlights that lie where only those on a circle inside the contour do."""
-    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
-    behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
+    behind = _share_near_contour(result)
     if behind <= MAX_BEHIND_SHARE:
         return None
     message = (
         f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
         " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
-        " give `spheres`"
+        f" {'correct' if is_given else 'give'} `spheres` in the catalogue"
     )
     return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+
+
+def _share_near_contour(result: Lights) -> float:
+    """Return the share of the highlights that lie so near the contour as those of lights behind the object."""
+    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
+    return float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
 
 
 def _disagreement(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:

@@ -21,7 +21,8 @@ import numpy as np
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
+from glint.tasks.algorithms.lighting.pyramid import spread
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import SYSTEMATIC_RATIO, CheckedCircle, check_circle
 from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim

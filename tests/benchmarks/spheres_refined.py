@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from glint.storage.catalogue.loading import load
-from glint.tasks.algorithms.lighting.sphere_detection import spread
+from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 from tests.benchmarks.spheres_scenes import read_sample
 

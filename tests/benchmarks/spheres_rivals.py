@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.pyramid import spread
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.given_circle import confirm_sphere
 from tests.benchmarks.spheres_refined import of_catalogue, of_scenes

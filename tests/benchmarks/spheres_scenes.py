@@ -108,7 +108,8 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
         result.refusal, result.missed = str(error), len(balls)
         return result
     result.light_deg = float(np.nanmedian(angles(lights.lights, directions)))
-    result.warnings += [str(warning) for warning in sphere_doubts(spheres, lights, is_near=False)]
+    doubts = sphere_doubts(spheres, lights, is_near=False, is_given=bool(perturbation))
+    result.warnings += [str(warning) for warning in doubts]
     remaining = list(balls)
     for sphere in spheres:
         nearest = min(balls + cut, key=sphere.distance)

@@ -37,7 +37,7 @@ class FrameSample:
         self._frames.append((frame >> 8).astype(np.uint8) if frame.dtype == np.uint16 else frame.copy())
 
     def estimate_mask(self, spheres: Sequence[Sphere], within: np.ndarray | None = None) -> np.ndarray:
-        """Estimate the mask (H, W) bool in full size.
+        """Estimate the mask (H, W) bool in full size; empty if no connected area flashes.
 
         spheres: in pixels of the full size. within: (H, W) bool, where the object lies; None: anywhere.
 

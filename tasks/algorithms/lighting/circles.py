@@ -20,6 +20,10 @@ LOG_OFFSET, GRADIENT_SIGMA_PX = 4.0, 0.8
 """Level, of 8 bits, that keeps noise in the dark from counting, and standard deviation of the smoothing."""
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
+MIN_VOTING_RATIO, HALF_VOTE_RATIO = 1.5, 4.0
+"""Gradients, relative to the usual one, from which a pixel is an edge that votes, and whose vote counts half."""
+VOTE_SIGMA_PX, NEIGHBOURHOOD_PX = 1.2, 7
+"""Standard deviation of the smoothing of votes, and side of the square in which one centre is the strongest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,15 +144,16 @@ def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list
     nx, ny = gx / (strength + 1e-9), gy / (strength + 1e-9)
     edge = _ridges(strength, nx, ny, edges.floor)
     y, x = np.nonzero(edge)
-    weight = strength[edge] / (strength[edge] + 4.0 * edges.floor)
+    weight = strength[edge] / (strength[edge] + HALF_VOTE_RATIO * edges.floor)
     # Best share of the circumference over all radii, for every centre, and the radius that has it.
     best_share, best_radius, votes = np.zeros_like(strength), np.zeros_like(strength), np.zeros_like(strength)
     right, down = nx[edge], ny[edge]
     for radius in radii:
         votes.fill(0.0)
         _vote(x, y, right, down, weight, float(radius), votes)
-        _keep_best(cv2.GaussianBlur(votes, (0, 0), 1.2), np.float32(radius), best_share, best_radius)
-    is_peak = (best_share == cv2.dilate(best_share, np.ones((7, 7), np.uint8))) & (best_share > 0)
+        _keep_best(cv2.GaussianBlur(votes, (0, 0), VOTE_SIGMA_PX), np.float32(radius), best_share, best_radius)
+    neighbourhood = np.ones((NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX), np.uint8)
+    is_peak = (best_share == cv2.dilate(best_share, neighbourhood)) & (best_share > 0)
     row, column = np.nonzero(is_peak)
     order = np.argsort(-best_share[row, column])[:count]
     return [(float(column[k]), float(row[k]), float(best_radius[row[k], column[k]])) for k in order]
@@ -167,7 +172,7 @@ def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) 
     rows, columns = np.mgrid[: strength.shape[0], : strength.shape[1]].astype(np.float32)
     after = cv2.remap(strength, columns + nx, rows + ny, cv2.INTER_LINEAR)
     before = cv2.remap(strength, columns - nx, rows - ny, cv2.INTER_LINEAR)
-    ridges = (strength >= after) & (strength > before) & (strength > 1.5 * floor)
+    ridges = (strength >= after) & (strength > before) & (strength > MIN_VOTING_RATIO * floor)
     ridges[:2] = ridges[-2:] = ridges[:, :2] = ridges[:, -2:] = False
     return ridges
 

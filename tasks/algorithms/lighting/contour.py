@@ -48,10 +48,12 @@ SCORE_DEVIATION = 0.01
 (`python -m tests.benchmarks.spheres_scenes`)."""
 COARSE_STEP_RATIO, FINE_STEP_RATIO = 0.01, 0.0025
 """Steps of the grids of circles, in radii."""
-FINE_REACH_RATIO = 0.035
-"""Distance from the best coarse circle that the fine grid covers, in radii."""
-OUTSIDE_RATIOS = 1.08, 1.25
-"""Radii, relative to a circle's, between which there is no rounder edge if the circle is a contour."""
+FINE_REACH_RATIO, FINE_MARGINS = 0.035, 2.5
+"""Distance from the best coarse circle that the fine grid covers, in radii, and the reach of samples farther inside, in
+such distances: centre and radius each vary by one."""
+OUTSIDE_RATIOS, OUTSIDE_CIRCLES = (1.08, 1.25), 8
+"""Radii, relative to a circle's, between which there is no rounder edge if the circle is a contour, and the circles
+there with whose mean evidence its own is compared."""
 DEVIATION_FLOOR_RATIO = 0.002
 """Least standard deviation of centre and radius, in radii: half a step, and the shape of real spheres."""
 
@@ -171,16 +173,20 @@ def fit_contour(
         centre_reach: distance of the centres searched, in radii, along x and y.
         radius_reach: distance of the radii searched, in radii.
     """
-    margin = centre_reach + radius_reach + 2.5 * FINE_REACH_RATIO
+    margin = centre_reach + radius_reach + FINE_MARGINS * FINE_REACH_RATIO
     reach = (1.0 - margin) * radius, (OUTSIDE_RATIOS[1] + centre_reach + radius_reach) * radius
     samples = sample_rays(frames, x, y, *reach)
     evidence = level_evidence(samples)
     fit = _best_fit(evidence, (x, y, radius), centre_reach, radius_reach)
     if len(frames) >= MIN_VARIATION_FRAMES:
         fit = centred_by_variation(evidence, variation_evidence(samples), fit)
-    start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8)) - INWARD_SHIFT_PX)
-    start = start.ravel()
-    return replace(fit, start_contrast=float(start[0] - start[1:].mean()))
+    own, *outside = evidence.scores(np.zeros(1), np.append(radius, _outside(radius)) - INWARD_SHIFT_PX).ravel()
+    return replace(fit, start_contrast=float(own - np.mean(outside)))
+
+
+def _outside(radius: float) -> np.ndarray:
+    """Return the radii (OUTSIDE_CIRCLES,) of circles outside one of a radius."""
+    return radius * np.linspace(*OUTSIDE_RATIOS, OUTSIDE_CIRCLES)
 
 
 def centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: ContourFit) -> ContourFit:
@@ -230,6 +236,6 @@ def fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -
     mean = weight.ravel() @ circles
     covariance = (weight.ravel()[:, None] * (circles - mean)).T @ (circles - mean)
     covariance += np.eye(3) * (DEVIATION_FLOOR_RATIO * radius) ** 2
-    outside = shifted.scores(np.zeros(1), float(mean[2]) * np.linspace(*OUTSIDE_RATIOS, 8) - INWARD_SHIFT_PX)
+    outside = shifted.scores(np.zeros(1), _outside(float(mean[2])) - INWARD_SHIFT_PX)
     contrast = best - float(outside.mean())
     return ContourFit(float(evidence.x + mean[0]), float(evidence.y + mean[1]), float(mean[2]), covariance, contrast)

@@ -42,12 +42,14 @@ class StaticBackground:
     """Static reflections of a sphere.
 
     background: (h, w) float32, level of each pixel without the light. saturation: level of the light's highlight.
-    noise: standard deviation of the residuals. All are levels of the frames.
+    noise: standard deviation of the residuals. All are levels of the frames. level_of_8_bits: how many of these are
+    one level of 8 bits.
     """
 
     background: np.ndarray
     saturation: float
     noise: float
+    level_of_8_bits: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,8 @@ def static_background(sample: np.ndarray, sphere: Sphere, *, camera: np.ndarray 
     residual = frames[:, inside].astype(np.float32) - background[inside]
     has_noise = len(frames) >= MIN_FRAMES_FOR_PERCENTILE
     noise = robust_deviation(residual - np.median(residual)) if has_noise else 0.0
-    return StaticBackground(background, float(np.percentile(peaks, 75.0)), noise)
+    level_of_8_bits = np.iinfo(frames.dtype).max / 255.0
+    return StaticBackground(background, float(np.percentile(peaks, 75.0)), noise, level_of_8_bits)
 
 
 def measure_highlights(

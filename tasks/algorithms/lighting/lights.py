@@ -21,6 +21,7 @@ from glint.tasks.algorithms.lighting.highlights import (
     static_background,
     without_blur,
 )
+from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.spheres import MIN_OBSERVABLE_NZ, Sphere, precision_weights
 
 REASONS = (
@@ -41,7 +42,7 @@ BLOCK_FRAMES, BACKGROUND_FRAMES = 1024, 200
 MIN_ON_SPHERE_NZ = 0.2
 """n_z below which a highlight lies so near the contour that it is none of the sphere's."""
 MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO = 12.0, 8.0
-"""Contrast of the highlight, in levels and in noise levels, below which there is no moving light."""
+"""Contrast of the highlight, in levels of 8 bits and in noise levels, below which there is no moving light."""
 MAX_OCCLUDED_FRACTION = 0.25
 """Share of a highlight that static reflections or the crop's edge may hide before its centre is ambiguous."""
 MAX_AREA_FRACTION = 0.25
@@ -114,11 +115,12 @@ def classify_frames(
     direction = np.concatenate([block.directions for block in highlights])
     area = np.concatenate([block.area for block in highlights])
     occluded = np.concatenate([block.occluded_fraction for block in highlights])
-    contrast = static.saturation - float(np.median(static.background))
-    if contrast < max(MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO * static.noise) or not (area > 0).any():
+    contrast = (static.saturation - float(np.median(static.background))) / static.level_of_8_bits
+    noise = static.noise / static.level_of_8_bits
+    if contrast < max(MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO * noise) or not (area > 0).any():
         raise UnusableCapture(
             f"no moving light in any of {len(direction)} frames (the brightest spot is {max(contrast, 0.0):.0f} levels"
-            " above the static background)",
+            " of 255 above the static background)",
             LIGHT_REMEDY,
         )
     half = half_vectors_of(direction.astype(np.float64))
@@ -156,8 +158,7 @@ def find_lights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None
     Raises:
         UnusableCapture: no frame shows a light.
     """
-    steps = np.unique(np.linspace(0, len(frames) - 1, min(BACKGROUND_FRAMES, len(frames))).round().astype(int))
-    static = static_background(frames[steps], sphere, camera=camera)
+    static = static_background(spread(frames, BACKGROUND_FRAMES), sphere, camera=camera)
     blocks = [
         measure_highlights(frames[start : start + BLOCK_FRAMES], sphere, static, camera=camera)
         for start in range(0, len(frames), BLOCK_FRAMES)
@@ -175,7 +176,7 @@ def merge_spheres(per_sphere: Sequence[Lights], spheres: Sequence[Sphere], *, to
     """Merge the lights of several spheres: the mean half vector of those that accept a frame, by `precision_weights`.
 
     A frame in which a sphere's half vector lies further than `tolerance` degrees from the middle of all is ambiguous. A
-    frame that no sphere accepts keeps the first sphere's reason.
+    frame that no sphere accepts keeps the first sphere's reason. The area is that of the largest highlight.
 
     Raises:
         ValueError: no lights, or different numbers of frames.

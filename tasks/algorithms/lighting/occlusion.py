@@ -12,6 +12,8 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
+REFLECTING_RATIO = 0.95
+"""Radius, as a share of the sphere's, up to which static reflections are looked for: its contour is no reflection."""
 MIN_REFLECTION_RATIO = 2.0
 """Level of a static reflection relative to the sphere's median level from which it is a window."""
 MIN_REFLECTION_LEVEL_SHARE = 0.15
@@ -24,8 +26,8 @@ MAX_HIDDEN_SHARE = 0.5
 """Share of hidden pixels beyond which the sphere is covered."""
 BACKGROUND_BORDER_PX = 3
 """Width of the border of the object's region that shows the background."""
-CLIPPED_SHARE = 0.9
-"""Level as a share of saturation from which a pixel of the border shows the light."""
+CLIPPED_SHARE, MAX_DARK_SHARE = 0.9, 0.5
+"""Levels as shares of saturation: from which a pixel shows the light, and below which its background does not."""
 MAX_CLIPPED_BORDER_SHARE = 0.05
 """Share of the border that shows the light beyond which it stands before the object."""
 MIN_DISC_RATIO, MIN_DISC_ROUNDNESS = 0.15, 0.8
@@ -44,7 +46,7 @@ def is_sphere_covered(frames: np.ndarray, background: np.ndarray, saturation: fl
         sphere: in the frames' pixels.
     """
     rows, columns = np.indices(background.shape)
-    disc = np.hypot(columns - sphere.x, rows - sphere.y) < 0.95 * sphere.radius
+    disc = np.hypot(columns - sphere.x, rows - sphere.y) < REFLECTING_RATIO * sphere.radius
     level = max(
         MIN_REFLECTION_RATIO * float(np.median(background[disc])) if disc.any() else np.inf,
         MIN_REFLECTION_LEVEL_SHARE * saturation,
@@ -93,7 +95,7 @@ def _clipped_level(dtype: np.dtype[Any]) -> Any:
 
 
 def _is_dark(background: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
-    return np.asarray(background < 0.5 * np.iinfo(dtype).max)
+    return np.asarray(background < MAX_DARK_SHARE * np.iinfo(dtype).max)
 
 
 def _dark_border(background: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:

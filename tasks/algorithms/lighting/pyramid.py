@@ -1,4 +1,4 @@
-"""Image pyramid of a capture's frames (Burt and Adelson 1983, with a box filter), and their logarithms."""
+"""A few of a capture's frames, their image pyramid (Burt and Adelson 1983, with a box filter), and their logarithms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,6 +23,11 @@ DEVIATION_LEVELS = 200.0
 """Levels that stand for a standard deviation of one in log levels."""
 SMOOTHING_PX = 0.7
 """Standard deviation in pixels by which frames are smoothed before they are sampled."""
+
+
+def spread(frames: np.ndarray, count: int) -> np.ndarray:
+    """Return at most `count` of the frames (T, ...), spread evenly."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,12 +25,13 @@ from glint.tasks.algorithms.lighting.pyramid import (
     PyramidLevel,
     pyramid,
     pyramid_level,
+    spread,
 )
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, reason_against_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
 
 MAX_SPHERES = 8
-"""Most spheres of a capture, the best ones."""
+"""Most spheres of a capture."""
 SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 128
 """Frames, spread over the capture, in which spheres are sought, and by which candidates and then spheres are
 measured."""
@@ -41,8 +42,14 @@ SEED_RADIUS_RATIOS = 0.92, 1.75
 SEED_CENTRE_RATIO = 0.12
 """Distance of a sphere's centre from that of a seed along x and y, in radii: seen obliquely, what ends inside the
 contour is not concentric."""
+SEED_STEP_RATIO, SEED_CENTRE_STEP_RATIO = 0.02, 0.04
+"""Steps of the radii and of the centres that are searched about a seed, in radii."""
+PROBE_RATIOS = 1.0, 1.2, 1.45, 1.7
+"""Radii about a seed, in its radii, of which one must show highlights as a sphere does for contours to be sought."""
 SEED_RAYS = 32
 """Rays from a seed along which contours are sought."""
+DISTINCT_SEEDS, DISTINCT_CANDIDATES, DISTINCT_CIRCLES = 0.08, 0.04, 0.06
+"""Differences of centre or radius, in radii, from which two seeds, candidates and measured circles are not one."""
 MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTOUR_CONTRAST = 0.08
@@ -64,10 +71,11 @@ MIN_SPHERE_RADIUS_PX = 20.0
 """Radius of the smallest sphere that is looked for."""
 MIN_SPHERE_SCORE = 0.06
 """Lower bound of the product of contour contrast and highlight evidence."""
-MAX_MOVES = 3
-"""Most measurements from the result of the one before."""
-LEVEL_RADIUS_PX = 40.0
-"""Radius to which a measured sphere's image is reduced at most for its score."""
+MAX_MOVES, MOVED_RATIO = 3, 0.015
+"""Most measurements from the result of the one before, and the difference of the two, in radii, from which there is
+another one."""
+LEVEL_RADIUS_PX, LEVEL_REACH_RATIO = 40.0, 1.45
+"""Radius to which a measured sphere's image is reduced at most for its score, and the reach of that image, in radii."""
 
 SPHERE_REMEDY = (
     "put a chrome sphere of at least 40 pixels across beside the object, wholly in the frame and against a plain "
@@ -81,7 +89,7 @@ def find_spheres(
     maximum: np.ndarray,
     camera: np.ndarray | None = None,
 ) -> list[Sphere]:
-    """Find chrome spheres and measure them; return them best first, whether their lights agree or not.
+    """Find chrome spheres and measure them, whether their lights agree or not; those inside other circles come last.
 
     Args:
         frames: (T, H, W) in levels of 8 bits, spread evenly over the capture.
@@ -116,14 +124,9 @@ def clear_circles(frames: np.ndarray, maximum: np.ndarray, camera: np.ndarray | 
     few = spread(frames, SEED_FRAMES)
     for level in pyramid(few, maximum):
         candidates += _candidates(level, max(MIN_SPHERE_RADIUS_PX / level.reduction, MIN_LEVEL_RADIUS_PX))
-    candidates = distinct(candidates, 0.04)[:MAX_REFINED]
+    candidates = distinct(candidates, DISTINCT_CANDIDATES)[:MAX_REFINED]
     many = spread(frames, CANDIDATE_FRAMES)
-    return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
-
-
-def spread(frames: np.ndarray, count: int) -> np.ndarray:
-    """Return at most `count` of the frames (T, H, W), spread evenly."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
+    return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], DISTINCT_CIRCLES)
 
 
 def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
@@ -136,10 +139,10 @@ def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
     ]
     seeds += [Sphere(*disc) for disc in level.lit_discs()]
     spheres: list[Sphere] = []
-    for seed in distinct(seeds, 0.08):
+    for seed in distinct(seeds, DISTINCT_SEEDS):
         largest = min(SEED_RADIUS_RATIOS[1] * seed.radius, 1.1 * MAX_LEVEL_RADIUS_PX)
-        grid = np.arange(max(SEED_RADIUS_RATIOS[0] * seed.radius, min_radius), largest, 0.02 * seed.radius)
-        probes = seed.radius * np.array([1.0, 1.2, 1.45, 1.7])
+        grid = np.arange(max(SEED_RADIUS_RATIOS[0] * seed.radius, min_radius), largest, SEED_STEP_RATIO * seed.radius)
+        probes = seed.radius * np.array(PROBE_RATIOS)
         if len(grid) < 3 or not any(
             highlight_evidence(level.residual, seed.x, seed.y, radius) > MIN_HIGHLIGHT_EVIDENCE for radius in probes
         ):
@@ -153,10 +156,12 @@ def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
 
 def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tuple[float, float, float, float]]:
     """Return the circles (x, y, radius, contrast) about a seed that may be contours: peaks over the radius."""
-    beyond = np.append(radii, np.arange(radii[-1], OUTSIDE_RATIOS[1] * radii[-1], 0.02 * seed.radius)[1:])
+    step = SEED_STEP_RATIO * seed.radius
+    beyond = np.append(radii, np.arange(radii[-1], OUTSIDE_RATIOS[1] * radii[-1], step)[1:])
     samples = sample_rays(level.frames, seed.x, seed.y, 0.8 * radii[0], 1.15 * beyond[-1], SEED_RAYS)
     evidence = level_evidence(samples)
-    profile = radius_profile(evidence, SEED_CENTRE_RATIO * seed.radius, beyond, 0.04 * seed.radius)
+    reach, centre_step = SEED_CENTRE_RATIO * seed.radius, SEED_CENTRE_STEP_RATIO * seed.radius
+    profile = radius_profile(evidence, reach, beyond, centre_step)
     scores = profile[:, 2]
     circles = []
     for k, radius in enumerate(radii):
@@ -173,16 +178,16 @@ def _refined(
     """Measure a candidate at full resolution; its score is the product of contour contrast and highlight evidence."""
     measured = measure_sphere(frames, sphere, camera=camera)
     for _ in range(MAX_MOVES):
-        if max(measured.distance(sphere), abs(measured.radius - sphere.radius)) < 0.015 * sphere.radius:
+        if max(measured.distance(sphere), abs(measured.radius - sphere.radius)) < MOVED_RATIO * sphere.radius:
             break
         # The best circle may lie beyond the ones that were searched.
         sphere, measured = measured, measure_sphere(frames, measured, camera=camera)
     height, width = maximum.shape
     if not measured.is_inside(width, height, 0.99):
         return replace(measured, score=0.0)
-    margin = 1.45 * measured.radius
-    top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)
-    window = slice(top, int(measured.y + margin) + 2), slice(left, int(measured.x + margin) + 2)
+    reach = LEVEL_REACH_RATIO * measured.radius
+    top, left = max(int(measured.y - reach), 0), max(int(measured.x - reach), 0)
+    window = slice(top, int(measured.y + reach) + 2), slice(left, int(measured.x + reach) + 2)
     reduction = 2 ** max(0, int(np.floor(np.log2(measured.radius / LEVEL_RADIUS_PX))))
     level = pyramid_level([frame[window] for frame in few], maximum[window], reduction)
     x, y, radius = level.from_full_frame(measured.x - left, measured.y - top, measured.radius)
@@ -214,7 +219,7 @@ def _is_left(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> b
 
 
 def outermost(spheres: list[Sphere]) -> list[Sphere]:
-    """Keep of overlapping circles the best, or a larger one around it that is not much weaker; best first."""
+    """Keep of overlapping circles the best, or a larger one around it that is not much weaker, in the bests' order."""
     kept: list[Sphere] = []
     remaining = sorted(spheres, key=lambda sphere: -sphere.score)
     while remaining:

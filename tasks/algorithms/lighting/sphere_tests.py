@@ -193,9 +193,11 @@ def consistent_spheres(
         if k == reference or not angle >= MAX_CONTRADICTION_DEG:
             kept.append(sphere)
         else:
+            other = spheres[reference]
             sentences.append(
                 f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {angle:.0f} degrees from"
-                f" those of the sphere at ({spheres[reference].x:.0f}, {spheres[reference].y:.0f})"
+                f" those of the sphere at ({other.x:.0f}, {other.y:.0f}): compare both with the frame, and give"
+                " `spheres` in the catalogue if the wrong one is left out"
             )
     return kept, sentences
 

@@ -12,6 +12,8 @@ from scipy import ndimage
 SEARCH_SHARE, MIN_SEARCH_PX = 0.04, 6
 """Distance from the contour in which a stronger edge is looked for: share of the square root of the object's area, and
 at least, in pixels."""
+BEYOND_PX = 1.5
+"""Distance from the contour beyond which highlights lie outside of it: nearer ones are blur."""
 MIN_OFFSET_PX = 2
 """Distance of a stronger edge that is reported: nearer ones are within the blur of the contour."""
 INWARD_RATIO, OUTWARD_RATIO = 1.5, 1.05
@@ -89,7 +91,9 @@ def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement |
     inner = int(inward.argmax())
     if inward[inner] > INWARD_RATIO * at_contour and not _has_own_edge(profile, inner):
         return Misplacement("too large", float(inner - reach), contour)
-    beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & evidence.free) & contour
+    beyond = (
+        _beside_outer_highlights(contour, flash, (distance > BEYOND_PX) & (distance <= reach) & evidence.free) & contour
+    )
     if beyond.sum() > MAX_OUTER_HIGHLIGHTS * contour.sum():
         return Misplacement("too small", 0.0, beyond)
     return None
@@ -105,7 +109,8 @@ def continued_beyond(evidence: ContourEvidence, flash: np.ndarray) -> np.ndarray
     """
     contour, distance, free, reach = evidence.contour, evidence.distance, evidence.free, evidence.reach
     parts = _parts(contour)
-    outside, inside = (distance > 1.5) & (distance <= reach) & free, (distance < 0.0) & (distance >= -reach) & free
+    outside = (distance > BEYOND_PX) & (distance <= reach) & free
+    inside = (distance < 0.0) & (distance >= -reach) & free
     usual = float(np.median(_density(parts, flash, inside)))
     is_beside = (_density(parts, flash, outside) > max(CONTINUED_RATIO * usual, OUTER_DENSITY))[parts]
     piece = contour & is_beside

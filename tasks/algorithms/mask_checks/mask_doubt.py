@@ -37,8 +37,9 @@ MAX_CUT_SHARE = 0.01
 NECK_SHARE, MIN_PART_RATIO = 0.06, 0.1
 """Half the width of a neck, as a share of the square root of the object's area, and area of the part beyond it,
 relative to the object's."""
-RAGGED_RATIO = 1.25
-"""Length of a contour relative to its smoothed self from which it is ragged."""
+RAGGED_RATIO, SMOOTH_SHARE, MIN_SMOOTH_PX = 1.25, 0.015, 1.5
+"""Length of a contour relative to its smoothed self from which it is ragged, and the standard deviation of that
+smoothing: share of the square root of the object's area, and at least, in pixels."""
 SHIFT_DOUBT, SHAPE_DOUBT, UNSUPPORTED_DOUBT = 0.8, 0.5, 0.1
 """Probability that normals are wrong because the silhouette is: where the data contradict it, where it is cut off, has
 a neck or is ragged, and where nothing supports it. Along the clear walls of glasses normals are right nevertheless: of
@@ -211,7 +212,7 @@ def _misshapen(mask: np.ndarray, contour: np.ndarray, root_area: float) -> list[
         neck = contour & ~ndimage.binary_dilation(opened, iterations=2)
         if neck.any():
             objections.append(_objection("neck", neck, float(neck.sum() / contour.sum()), SHAPE_DOUBT))
-    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), max(1.5, 0.015 * root_area)) > 0.5
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), max(MIN_SMOOTH_PX, SMOOTH_SHARE * root_area)) > 0.5
     ragged = _perimeter(mask) / max(_perimeter(smooth), 1.0)
     if ragged > RAGGED_RATIO:
         piece = contour & (mask ^ smooth | ndimage.binary_dilation(mask ^ smooth))

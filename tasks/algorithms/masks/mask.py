@@ -40,7 +40,7 @@ MIN_SHADOW_SHARE = 0.3
 def estimate_mask(
     frames: np.ndarray, *, spheres: Sequence[Sphere] = (), within: np.ndarray | None = None
 ) -> np.ndarray:
-    """Estimate the mask (H, W) bool of the object from a sample of the frames.
+    """Estimate the mask (H, W) bool of the object from a sample of the frames; empty if no connected area flashes.
 
     Args:
         frames: (T, H, W) uint8, spread over the video.

@@ -70,13 +70,15 @@ def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarr
     return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
 
 
-def object_sizes(mask: np.ndarray) -> list[int]:
+def object_sizes(mask: np.ndarray, counted: np.ndarray) -> list[int]:
     """Return the pixels of those separate parts of a mask (H, W) bool that may each be an object, largest first.
 
     Small parts beside a large one belong to it: the masks of glass often fall apart.
+
+    counted: (H, W) bool, pixels that count, as those beside the spheres; the others only join what lies around them.
     """
     parts, _ = ndimage.label(closed(mask, GAP_SHARE * _root_area(mask)))
-    sizes = sorted((int(size) for size in np.bincount(parts[mask], minlength=1)[1:]), reverse=True)
+    sizes = sorted((int(size) for size in np.bincount(parts[mask & counted], minlength=1)[1:]), reverse=True)
     return [size for size in sizes if size >= MIN_OBJECT_RATIO * sizes[0]]
 
 
@@ -103,12 +105,16 @@ def filled(differing: np.ndarray, share: float) -> np.ndarray:
     """
     mask = closed(differing, share * _root_area(differing))
     around, open_labels = _around_solid(differing, mask)
-    holes, count = ndimage.label(~mask)
-    outside = set(np.unique(_frame_edge(holes)))
-    for hole in set(range(1, count + 1)) - outside:
-        region = holes == hole
-        if region.sum() < MIN_HOLE_RATIO * mask.sum() or np.isin(around[region], open_labels).mean() > 0.5:
-            mask |= region
+    holes, _ = ndimage.label(~mask)
+    outside, area = set(np.unique(_frame_edge(holes))), int(mask.sum())
+    for number, window in enumerate(ndimage.find_objects(holes), 1):
+        if number in outside:
+            continue
+        hole = holes[window] == number
+        size = int(hole.sum())
+        if size < MIN_HOLE_RATIO * area or np.isin(around[window][hole], open_labels).mean() > 0.5:
+            mask[window] |= hole
+            area += size
     return mask
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from glint.tasks.algorithms.lighting.circles import EdgeEvidence
 from glint.tasks.algorithms.lighting.contour import ContourFit, fine_fit, radius_profile
 from glint.tasks.algorithms.lighting.contour_refinement import arc_covariance
-from glint.tasks.algorithms.lighting.sphere_detection import spread
+from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, SphereCrop
 from glint.tasks.algorithms.sphere_checks.rim_evidence import (
     CENTRE_REACH_RATIO,

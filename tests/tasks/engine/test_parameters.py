@@ -48,3 +48,11 @@ def test_a_wrong_former_parameter_is_located(tmp_path: Path, entry: str, line: i
     with pytest.raises(CatalogueError) as refusal:
         load(tmp_path / "catalogue.yaml", Parameters)
     assert f":{line}: " in str(refusal.value)
+
+
+@pytest.mark.parametrize("levels", ["{edge_level: 0.75}", "{full_level: 0.2}", "{edge_level: 0.9, full_level: 0.8}"])
+def test_a_highlight_whose_weight_does_not_rise_is_refused(tmp_path: Path, levels: str) -> None:
+    text = CATALOGUE.replace("{clusters: {share: 0.5, apart: 2.0}, depth: {confident: false}}", f"{{lights: {levels}}}")
+    (tmp_path / "catalogue.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(CatalogueError, match=r":3: .*edge_level 0\.\d+ must be below full_level 0\.\d+"):
+        load(tmp_path / "catalogue.yaml", Parameters)

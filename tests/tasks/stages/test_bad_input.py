@@ -17,7 +17,7 @@ from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.engine.references import load_catalogue
-from tests.storage.footage.videos import write_video
+from tests.storage.footage.videos import write_images, write_video
 from tests.tasks.algorithms.lighting.chrome_table import Scene, render
 from tests.tasks.make_context import make_context, perform_all
 
@@ -108,10 +108,43 @@ def test_a_region_that_misses_the_object(refused: Refused, simulated: Path) -> N
     assert f"no object is found in the region x 0 to {region.x - 1}, y 0 to 19: no highlight, 0 of" in str(error)
 
 
+@pytest.mark.parametrize("region", [None, {"x": 0, "y": 0, "width": 120, "height": 90}])
+def test_flashes_that_are_no_connected_area(refused: Refused, tmp_path: Path, region: dict[str, int] | None) -> None:
+    generator = np.random.default_rng(0)
+    levels = 100.0 + 10.0 * np.sin(np.arange(40) / 3.0)[:, None, None] * np.linspace(0.8, 1.2, 120)
+    frames = (levels + generator.normal(0.0, 2.0, (40, 90, 120))).astype(np.uint8)
+    for number, frame in enumerate(frames):
+        frame[40 + number % 16, 50 + number % 16] = 255
+    write_images(tmp_path / "images", list(frames))
+    error = refused(
+        frames=str(tmp_path / "images"),
+        mask=None,
+        region=region,
+        spheres=[{"x": 20.0, "y": 20.0, "radius": 10.0}],
+    )
+    assert "what flashes is no connected area" in str(error) and "paint a mask" in str(error)
+    assert ("in the region x 0 to 119, y 0 to 89" in str(error)) == (region is not None)
+
+
 def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
     still = [frames[0].clip(0, 60)] * 80
     path = write_video(tmp_path / "still.mp4", still)
     assert "no moving light" in str(refused(frames=str(path)))
+
+
+def test_too_few_lights_before_the_object(refused: Refused, simulated: Path, tmp_path: Path) -> None:
+    """The reasons why frames are rejected tell whether the light, the sphere or the mask is to be moved."""
+    capture = load(simulated).objects[0].captures[0]
+    z = np.load(Path(str(capture.truth)) / "lights.npy")[:, 2]
+    with open_footage(capture.frames) as footage:
+        film = [frame.copy() for frame in footage.frames()]
+    chosen = [*np.flatnonzero(z < 0.0), *np.flatnonzero(np.isnan(z)), int(np.nanargmax(z))]
+    write_images(tmp_path / "images", [film[number] for number in chosen])
+    error = refused(frames=str(tmp_path / "images"))
+    expected = (
+        "1 of 7 frames has a light before the object (rejected: 3 no light, 3 behind the object): record for longer"
+    )
+    assert str(error).startswith(expected)
 
 
 def test_one_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:

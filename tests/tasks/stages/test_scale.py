@@ -107,3 +107,29 @@ def test_beads_and_windows_have_a_possible_size(pixel_size: float, extent: float
     for camera in (None, np.array([[5e3, 0.0, 500.0], [0.0, 5e3, 300.0], [0.0, 0.0, 1.0]])):
         assert not scale_of(pixel_size, [], [Sphere(500.0, 300.0, radius)], camera, extent).warnings
     assert not scale_of(pixel_size, [], [], None, extent).warnings, "lights may be known"
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "is_told", "is_metres"),
+    [
+        (0.0095, True, False),
+        (0.0105, True, True),
+        (0.99, True, True),
+        (1.01, True, False),
+        (2.9, True, False),
+        (3.1, False, False),
+        (2990.0, False, False),
+        (3010.0, True, False),
+    ],
+)
+def test_metres_were_meant_where_they_lead_to_a_usual_size(length_mm: float, is_told: bool, is_metres: bool) -> None:
+    warnings = scale_of(length_mm / 200.0, (), (), None, 200.0).warnings
+    assert len(warnings) == is_told
+    assert any("if metres were meant" in str(warning) for warning in warnings) == is_metres
+
+
+@pytest.mark.parametrize(("diameter_mm", "is_told"), [(3.9, True), (4.1, False), (499.0, False), (501.0, True)])
+def test_diameters_that_no_chrome_sphere_has_are_told(diameter_mm: float, is_told: bool) -> None:
+    given = models.Sphere(x=50.0, y=50.0, radius=20.0, diameter_mm=diameter_mm)
+    warnings = scale_of(None, [given], [Sphere(50.0, 50.0, 20.0)], None).warnings
+    assert any(f"`diameter_mm` {diameter_mm:g} is" in str(warning) for warning in warnings) == is_told

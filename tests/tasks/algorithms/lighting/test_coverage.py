@@ -31,6 +31,9 @@ def test_normals_lie_between_the_half_vectors_of_a_sparse_sweep() -> None:
     # Of the disc of 5 degrees around a single half vector, 2.2 degrees are near.
     assert share_between(np.array([[0.0, 0.0, 1.0]])) == pytest.approx(1.0 - (2.2 / 5.0) ** 2, abs=0.03)
     assert share_between(np.full((3, 3), np.nan)) == 0.0
+    tilts = np.radians([30.0, 47.5])
+    inner, outer = np.stack([np.sin(tilts), np.zeros(2), np.cos(tilts)], axis=-1)[:, None]
+    assert share_between(inner) > 0.75 and share_between(outer) == 0.0, "beyond 42 degrees all normals are extrapolated"
 
 
 def test_a_dense_sweep_covers_the_cap() -> None:
@@ -63,6 +66,17 @@ def test_a_missing_corner_is_named_with_its_angles() -> None:
 
     gap = coverage(sweep(8000, keep)).gaps[0]
     assert (gap.side, gap.inner_deg, gap.outer_deg) == ("upper left", 30.0, 60.0)
+
+
+@pytest.mark.parametrize(("margin_deg", "has_gap"), [(0.0, False), (8.0, True)])
+def test_a_gap_lies_six_degrees_from_all_half_vectors(margin_deg: float, has_gap: bool) -> None:
+    def keep(lights: np.ndarray) -> np.ndarray:
+        polar, azimuth = np.degrees(np.arccos(lights[:, 2])), np.degrees(np.arctan2(lights[:, 1], lights[:, 0]))
+        around = np.abs(azimuth) < 22.5 + 2.0 * margin_deg
+        return ~(around & (polar > 30.0 - margin_deg) & (polar < 60.0 + margin_deg))
+
+    gaps = coverage(sweep(20_000, keep)).gaps
+    assert [(gap.side, gap.inner_deg, gap.outer_deg) for gap in gaps] == [("right", 30.0, 60.0)] * has_gap
 
 
 def test_all_gaps_are_one_sentence() -> None:

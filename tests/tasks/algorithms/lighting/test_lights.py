@@ -13,6 +13,7 @@ from glint.tasks.algorithms.lighting.lights import (
     AMBIGUOUS,
     BEHIND,
     NO_LIGHT,
+    OUTSIDE_SPHERE,
     REASONS,
     TWO_LIGHTS,
     classify_frames,
@@ -64,6 +65,13 @@ def test_sixteen_bits_give_the_same_lights() -> None:
     assert np.nanmax(angles(wide.half_vectors, find_lights(frames, SPHERE).half_vectors)) < 0.01
 
 
+@pytest.mark.parametrize("frames", [3, 5])
+def test_noise_of_a_dark_sphere_in_sixteen_bits_is_no_light(frames: int) -> None:
+    noise = np.random.default_rng(0).normal(400.0, 60.0, (frames, *SHAPE)).astype(np.uint16)
+    with pytest.raises(UnusableCapture, match=r"the brightest spot is [01] levels of 255 above"):
+        find_lights(noise, SPHERE)
+
+
 def test_every_rejected_frame_has_its_reason() -> None:
     frames = [sphere_frame(SPHERE, [light], SHAPE, seed=k) for k, light in enumerate(LIGHTS)]
     frames[3] = sphere_frame(SPHERE, [], SHAPE, seed=3)
@@ -76,6 +84,64 @@ def test_every_rejected_frame_has_its_reason() -> None:
     assert np.isnan(lights.half_vectors[[3, 5, 7, 9, 11]]).all()
     assert (np.delete(lights.reason, [3, 5, 7, 9, 11]) == ACCEPTED).all()
     assert len(REASONS) == 8 and REASONS[ACCEPTED] == "accepted"
+
+
+@pytest.mark.parametrize(("polar", "reason"), [(86.0, ACCEPTED), (94.0, BEHIND)])
+def test_a_light_is_before_the_object_up_to_a_right_angle(polar: float, reason: int) -> None:
+    frames = sphere_frames([*LIGHTS, light_direction(200.0, polar)])
+    assert find_lights(frames, SPHERE).reason[-1] == reason
+
+
+@pytest.mark.parametrize(
+    ("radius_deg", "reason"), [(4.0, AMBIGUOUS), (5.5, ACCEPTED), (12.0, ACCEPTED), (15.5, AMBIGUOUS)]
+)
+def test_a_highlight_has_a_third_to_three_times_the_usual_area(radius_deg: float, reason: int) -> None:
+    unusual = sphere_frame(SPHERE, [light_direction(200.0, 30.0)], SHAPE, light_radius_deg=radius_deg)
+    assert find_lights(np.stack([*sphere_frames(LIGHTS), unusual]), SPHERE).reason[-1] == reason
+
+
+@pytest.mark.parametrize(("window_x", "reason"), [(35, AMBIGUOUS), (47, ACCEPTED)])
+def test_a_highlight_half_of_which_a_window_hides_is_ambiguous(window_x: int, reason: int) -> None:
+    frames = sphere_frames([*LIGHTS, light_direction(200.0, 40.0)])
+    for frame in frames:
+        cv2.circle(frame, (window_x, 46), 4, 250, -1)
+    lights = find_lights(frames, SPHERE)
+    assert lights.reason[-1] == reason
+    assert 1.0 / 3.0 < lights.area[-1] / np.median(lights.area) < 3.0
+
+
+@pytest.mark.parametrize(("radius_deg", "reason"), [(30.0, ACCEPTED), (48.0, AMBIGUOUS)])
+def test_what_fills_a_quarter_of_the_disc_of_lights_is_no_highlight(radius_deg: float, reason: int) -> None:
+    frames = [
+        sphere_frame(SPHERE, [light_direction(120.0 * k, 70.0)], SHAPE, light_radius_deg=radius_deg) for k in range(3)
+    ]
+    assert (find_lights(np.stack(frames * 4), SPHERE).reason == reason).all()
+
+
+def test_two_small_reflections_are_no_two_lights() -> None:
+    lights = [light_direction(20.0, 40.0), light_direction(190.0, 50.0)]
+    small = sphere_frame(SPHERE, lights, SHAPE, light_radius_deg=3.5)
+    assert find_lights(np.stack([*sphere_frames(LIGHTS), small]), SPHERE).reason[-1] == AMBIGUOUS
+
+
+def test_a_light_far_behind_the_object_shows_at_the_contour_alone() -> None:
+    frames = sphere_frames([*LIGHTS, light_direction(200.0, 162.0)])
+    assert find_lights(frames, SPHERE).reason[-1] == OUTSIDE_SPHERE
+
+
+@pytest.mark.parametrize(
+    ("contrast", "noise", "is_light"), [(11, 0.0, False), (13, 0.0, True), (20, 3.0, False), (20, 1.5, True)]
+)
+def test_a_light_is_twelve_levels_and_eight_times_the_noise_above_the_background(
+    contrast: int, noise: float, is_light: bool
+) -> None:
+    background = 25.0 + np.random.default_rng(0).normal(0.0, noise, (len(LIGHTS), *SHAPE)).clip(-noise, noise)
+    frames = np.where(sphere_frames(LIGHTS) > 150, 25.0 + contrast, background).round().astype(np.uint8)
+    if is_light:
+        assert find_lights(frames, SPHERE).accepted.mean() > 0.8
+    else:
+        with pytest.raises(UnusableCapture, match="no moving light"):
+            find_lights(frames, SPHERE)
 
 
 def test_dim_second_reflections_are_no_second_light() -> None:
@@ -141,6 +207,8 @@ def test_several_spheres_are_averaged_with_their_inter_sphere_angle() -> None:
     assert 0.3 < median < 1.0 and worst < 2.0
     assert merged.accepted.sum() == (first.accepted | second.accepted).sum()
     assert np.nanmax(angles(merged.half_vectors, first.half_vectors)) < 1.5
+    shared = first.accepted & second.accepted
+    assert np.array_equal(merged.area[shared], np.maximum(first.area, second.area)[shared])
     assert merge_spheres([first], [SPHERE]) is first
     with pytest.raises(ValueError):
         merge_spheres([], [])

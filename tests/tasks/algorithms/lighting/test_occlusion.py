@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -47,6 +48,30 @@ def test_a_sphere_without_static_reflections_shows_no_arm() -> None:
     assert covered(sphere_frames(window=False)) == []
 
 
+@pytest.mark.parametrize(
+    ("sphere_level", "level", "pixels", "dimmed", "hidden", "expected"),
+    [
+        (50, 105, 8, 0.5, 8, True),
+        (50, 95, 8, 0.5, 8, False),  # Not twice as bright as the sphere.
+        (10, 42, 8, 0.5, 8, True),
+        (10, 36, 8, 0.5, 8, False),  # Less than 15% of saturation: its absence is noise.
+        (50, 200, 7, 0.5, 7, False),
+        (50, 200, 8, 0.62, 8, False),  # The exposure drifts.
+        (50, 200, 8, 0.58, 8, True),
+        (50, 200, 8, 0.5, 4, False),
+        (50, 200, 8, 0.5, 5, True),
+    ],
+)
+def test_a_reflection_covers_the_sphere_where_most_of_it_is_gone(
+    sphere_level: int, level: int, pixels: int, dimmed: float, hidden: int, expected: bool
+) -> None:
+    background = np.full(SHAPE, sphere_level, np.float32)
+    background[40, 30 : 30 + pixels] = level
+    frame = background.copy()
+    frame[40, 30 : 30 + hidden] *= dimmed
+    assert is_sphere_covered(frame[None], background, 255.0, SPHERE).tolist() == [expected]
+
+
 def test_only_accepted_frames_get_another_reason() -> None:
     lights = find_lights(sphere_frames(), SPHERE)
     lights.reason[3] = NO_LIGHT
@@ -72,6 +97,30 @@ def object_frames() -> np.ndarray:
 def test_a_light_before_the_object_reaches_beyond_it() -> None:
     frames = object_frames()
     assert np.flatnonzero(is_light_before_object(frames, np.median(frames, axis=0))).tolist() == [7, 8]
+
+
+@pytest.mark.parametrize(
+    ("row", "pixels", "level", "background_level", "expected"),
+    [
+        (2, 41, 230, 127, True),
+        (2, 40, 230, 127, False),  # 5% of the border's 804 pixels.
+        (3, 41, 230, 127, False),  # Beside the border.
+        (2, 41, 229, 127, False),
+        (2, 41, 230, 128, False),  # As bright as a window.
+    ],
+)
+def test_a_light_shows_on_a_twentieth_of_the_border(
+    row: int, pixels: int, level: int, background_level: int, expected: bool
+) -> None:
+    background = np.full((60, 80), 30, np.uint8)
+    background[row] = background_level
+    frame = background.copy()
+    frame[row, 20 : 20 + pixels] = level
+    assert is_light_before_object(frame[None], background).tolist() == [expected]
+    # The row of a window is no border that could show a light.
+    window = 80 if background_level > 127 else 0
+    counts = np.array([clipped_pixels(frame)])
+    assert may_show_light(counts, background).tolist() == [counts[0, 1] > 0.05 * (804 - window)]
 
 
 def test_a_window_at_the_border_is_no_light() -> None:

@@ -67,7 +67,7 @@ def disc(x: float, y: float, radius: float) -> np.ndarray:
 )
 def test_parts_of_similar_size_are_objects(parts: list[tuple[float, float, float]], count: int) -> None:
     mask = np.any([disc(*part) for part in parts] + [np.zeros((160, 160), bool)], axis=0)
-    sizes = object_sizes(mask)
+    sizes = object_sizes(mask, np.ones_like(mask))
     assert len(sizes) == count
     assert sizes == sorted((int(disc(*part).sum()) for part in parts), reverse=True)[:count] or count == 1
 
@@ -76,7 +76,14 @@ def test_a_foot_without_its_stem_is_no_object() -> None:
     """The foot of a wine glass seen obliquely, beside its bowl."""
     bowl = np.hypot((COLUMNS - 80.0) / 40.0, (ROWS - 50.0) / 45.0) < 1.0
     foot = np.hypot((COLUMNS - 80.0) / 36.0, (ROWS - 145.0) / 9.0) < 1.0
-    assert len(object_sizes(bowl | foot)) == 1
+    assert len(object_sizes(bowl | foot, np.ones_like(bowl))) == 1
+
+
+def test_a_sphere_that_a_mask_covers_neither_is_an_object_nor_divides_one() -> None:
+    glass, sphere = disc(60, 60, 40), disc(130, 130, 25)
+    assert object_sizes(glass | sphere, ~disc(130, 130, 32)) == [int(glass.sum())]
+    beside = np.abs(COLUMNS - 60) >= 25
+    assert object_sizes(glass, beside) == [int((glass & beside).sum())]
 
 
 def test_what_lies_along_the_edge_of_the_frame_or_flashes_in_few_frames_is_no_main_component() -> None:

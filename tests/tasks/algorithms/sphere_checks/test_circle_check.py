@@ -87,7 +87,7 @@ def test_of_two_spheres_that_disagree_the_one_stays_that_agrees_with_its_highlig
     both = np.concatenate([covered_beyond(frames, 0.65), frames], axis=2)
     used, (warning,) = confirm_found(both, [wrong, right], None)
     assert used == [right]
-    assert f"({wrong.x:.0f}, {wrong.y:.0f}) is left out" in str(warning)
+    assert f"({wrong.x:.0f}, {wrong.y:.0f}) is left out" in str(warning) and "give `spheres`" in str(warning)
 
 
 def test_what_is_hardly_known_contradicts_nothing() -> None:

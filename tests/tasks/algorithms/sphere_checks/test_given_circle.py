@@ -88,3 +88,9 @@ def test_of_a_small_circle_a_pixel_is_no_large_error() -> None:
 def test_a_fit_that_replaces_a_circle_of_nearly_its_contrast_is_doubted() -> None:
     clear, doubted = (judged(GIVEN, NEAR, ratio * NEAR.score).sphere for ratio in (0.0, 0.6))
     assert doubted.centre_sd > 1.05 * clear.centre_sd and doubted.radius_sd > 1.02 * clear.radius_sd
+
+
+@pytest.mark.parametrize(("radius", "is_corrected"), [(28.5, False), (31.5, True)])
+def test_a_fit_inside_the_given_circle_must_be_clearer_than_one_around_it(radius: float, is_corrected: bool) -> None:
+    given, fit = Sphere(50.0, 50.0, 30.0), Sphere(50.0, 50.0, radius, 0.5, 0.1, 0.1)
+    assert judged(given, fit, 0.85 * fit.score).is_corrected == is_corrected

@@ -56,6 +56,15 @@ def test_the_table_is_expected_as_it_is_nearby_and_far_from_it_as_all_of_it() ->
     assert mean[40, -1] == pytest.approx(3.0, abs=0.1)
 
 
+def test_inside_the_object_the_table_is_expected_as_around_its_nearer_side() -> None:
+    features = np.random.default_rng(2).normal(0.0, 0.05, (SIZE, SIZE, 2)).astype(np.float32)
+    features[..., 0] += np.arange(SIZE, dtype=np.float32)[:, None] / SIZE - 0.5
+    is_table = np.ones((SIZE, SIZE), bool)
+    is_table[16:64, 16:64] = False
+    upper, middle, lower = fit_table(features, is_table, 30.0).mean[[28, 40, 52], 40, 0]
+    assert upper < -0.1 and abs(middle) < 0.05 and lower > 0.1
+
+
 def test_where_the_table_spreads_more_a_difference_weighs_less_and_nowhere_more() -> None:
     features = np.random.default_rng(3).normal(0.0, 0.15, (SIZE, SIZE, 2)).astype(np.float32)
     features[20:28, 20:28] *= 3.0

@@ -14,6 +14,11 @@ def test_outliers_do_not_move_the_distribution() -> None:
     assert covariance == pytest.approx(expected, rel=0.15)
 
 
+def test_the_tail_that_is_cut_off_is_made_up_for() -> None:
+    samples = np.random.default_rng(0).normal(0.0, 2.0, (40_000, 2))
+    assert np.diag(trimmed_normal(samples)[1]) == pytest.approx([4.0, 4.0], rel=0.04)
+
+
 def test_distances_are_in_standard_deviations() -> None:
     offsets = np.array([[2.0, 0.0], [0.0, 3.0], [2.0, 3.0]])
     assert squared_distance(offsets, np.diag([4.0, 9.0])) == pytest.approx([1.0, 1.0, 2.0])
