@@ -28,7 +28,8 @@ from glint.tasks.stages.light_distance import region_pixels
 CONTRADICTED_DEVIATIONS = 3.0
 """Standard deviations by which the wall contradicts what was known of the distance."""
 MIN_CORRECTION_DEG = 0.2
-"""Angle per axis by which the change must turn half vectors at the farthest pixel, for labels to be made again."""
+"""Angle per axis by which the change must turn half vectors at the farthest pixel, for labels to be made again: smaller
+ones, and those within a standard deviation, are left and count as an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +90,11 @@ def combined_distance(
     precision = known.standard_deviation**-2 + measured.standard_deviation**-2
     # A light behind the frame's plane would be in the picture.
     change = max(measured.change / (measured.standard_deviation**2 * precision), -inverse)
-    remaining = 0.0
-    if np.degrees(light_distance_error(pixels, spheres, abs(change)).max()) < MIN_CORRECTION_DEG:
+    deviation, remaining = float(precision**-0.5), 0.0
+    turn_deg = np.degrees(light_distance_error(pixels, spheres, abs(change)).max())
+    if turn_deg < MIN_CORRECTION_DEG or abs(change) < deviation:
         change, remaining = 0.0, change
-    error = light_distance_error(pixels, spheres, float(np.hypot(precision**-0.5, remaining)))
+    error = light_distance_error(pixels, spheres, float(np.hypot(deviation, remaining)))
     heights = np.square(depth_error(pixels, inverse + change)) - np.square(depth_error(pixels, inverse))
     return WallDistance(change, np.square(error) - np.square(known_error) + heights)
 

@@ -22,11 +22,12 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture, Sphere
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.light_distance import reference_point
 from tests.benchmarks.random_captures import TURNS, random_capture
 from tests.benchmarks.table_scenes import table_captures
 from tests.tasks.make_context import perform_all
@@ -44,14 +45,18 @@ def lit_captures(
         for seed in range(first, last + 1):
             shape = TURNS[(seed - first) % len(TURNS)]
             capture = random_capture(shape, seed, folder / str(seed), is_given=True)
-            options = json.loads((Path(str(capture.truth)).parent / "meta.json").read_text())
-            known = {field.name: options[field.name] for field in fields(CaptureOptions)}
-            yield f"{shape}, seed {seed}", CaptureOptions(**known), with_one_sphere(capture, capture.spheres[0])
+            yield f"{shape}, seed {seed}", options_of(capture), with_one_sphere(capture, capture.spheres[0])
         return
     for number, options, capture in table_captures(numbers, folder, has_shadows=has_shadows):
         for sphere in capture.spheres:
             name = f"{number}, table at {options.table_tilt:.0f} degrees"
             yield name, options, with_one_sphere(capture, sphere)
+
+
+def options_of(capture: Capture) -> CaptureOptions:
+    """Return the options with which a capture was simulated."""
+    options = json.loads((Path(str(capture.truth)).parent / "meta.json").read_text())
+    return CaptureOptions(**{field.name: options[field.name] for field in fields(CaptureOptions)})
 
 
 def with_one_sphere(capture: Capture, sphere: Sphere) -> Capture:
@@ -79,12 +84,16 @@ def measured_lights(context: CaptureContext, options: CaptureOptions) -> Measure
     perform_all(context, "lights")
     saved = context.load("lights")
     near, deviation, lights = saved.record["near_light"], saved.read("half_vector_sd"), saved.read("lights")
-    truth = np.load(Path(str(context.capture.truth)) / "lights.npy")
-    error = 0.5 * float(np.nanmedian(angles(lights, truth[: len(lights)])))
-    middle = float(deviation[deviation.shape[0] // 2, deviation.shape[1] // 2])
-    width = load_geometry(context).frame_size[0]
-    measured = 0.0 if near is None else width / near["distance"]
+    geometry = load_geometry(context)
+    width, height = geometry.frame_size
     true = 0.0 if options.light_distance is None else 1.0 / options.light_distance
+    # The truth counts from the frame's middle, lights from the region's.
+    x, y = reference_point(geometry)
+    offset = np.array([x - (width - 1) / 2, (height - 1) / 2 - y, 0.0])
+    truth = unit(np.load(Path(str(context.capture.truth)) / "lights.npy")[: len(lights)] - true / width * offset)
+    error = 0.5 * float(np.nanmedian(angles(lights, truth)))
+    middle = float(deviation[deviation.shape[0] // 2, deviation.shape[1] // 2])
+    measured = 0.0 if near is None else width / near["distance"]
     return MeasuredLights(options.crf, true, measured, error, float(np.degrees(np.sqrt(2.0) * middle)))
 
 
