@@ -12,6 +12,7 @@ def largest_need(context: CaptureContext) -> tuple[int, str]:
     """Return the bytes that a worker needs for the capture's largest stage, and that stage's name; after its survey."""
     survey = context.load("survey").record
     region, (width, height) = survey["region"], survey["frame_size"]
-    size = CaptureSize(region["width"] * region["height"], width * height, survey["bits"] // 8)
+    candidates = context.parameters.clusters.clusters
+    size = CaptureSize(region["width"] * region["height"], width * height, survey["bits"] // 8, candidates)
     stage = max(STAGES, key=lambda stage: stage.peak_bytes(size))
     return LOADED_BYTES + stage.peak_bytes(size), stage.name

@@ -14,6 +14,10 @@ SHARDS_HELD = 3
 TILES_HELD = 3
 """Times the bytes of a tile's frames that clustering a tile takes."""
 
+LABELS_CANDIDATE_BYTES, MIN_LABELS_CANDIDATES = 300, 3
+"""Bytes that labelling takes for each candidate of a pixel, most of them for the ties of its sheets (250 where every
+pixel has all of its candidates), and the candidates below which what does not depend on them decides."""
+
 
 def _function(stage: str) -> ImportedFunction:
     return ImportedFunction(f"glint.tasks.stages.{stage}", stage)
@@ -21,6 +25,10 @@ def _function(stage: str) -> ImportedFunction:
 
 def _per_pixel(peak_bytes: int) -> Callable[[CaptureSize], int]:
     return lambda size: peak_bytes * size.region_pixels
+
+
+def _labels_bytes(size: CaptureSize) -> int:
+    return LABELS_CANDIDATE_BYTES * max(size.candidates, MIN_LABELS_CANDIDATES) * size.region_pixels
 
 
 def _frames_bytes(size: CaptureSize) -> int:
@@ -35,7 +43,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=38,
+        version=39,
     ),
     Stage(
         "frames",
@@ -142,7 +150,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
             "body_depth": ArraySchema("HW", "f", required=False),
         },
-        peak_bytes=_per_pixel(900),
+        peak_bytes=_labels_bytes,
         version=62,
     ),
     Stage(

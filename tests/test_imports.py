@@ -20,7 +20,7 @@ ORDER = {
     "glint.flows": "cli review deployments pipeline object_captures reporting runtime results errors",
     "glint.storage": (
         "inbox submissions maintenance export edits kept_values versions locking frames inputs catalogue footage"
-        " locations json_values seals fsync errors"
+        " locations json_values seals replacement fsync errors"
     ),
     "glint.tasks": (
         "check review verdict memory up_to_date publish forked warm_up robustness evaluation simulation"

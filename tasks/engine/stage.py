@@ -57,11 +57,13 @@ class StageFunction(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CaptureSize:
-    """What decides the memory of a stage: pixels of the region and of the whole frame, and bytes of a pixel."""
+    """What decides the memory of a stage: pixels of the region and of the whole frame, bytes of a pixel, and the
+    candidates that a pixel may have."""
 
     region_pixels: int
     frame_pixels: int
     pixel_bytes: int
+    candidates: int
 
 
 @dataclass(frozen=True)

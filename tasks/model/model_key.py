@@ -6,7 +6,7 @@ from dataclasses import replace
 from glint.storage.seals import digest_of
 from glint.tasks.engine.capture_context import CaptureContext
 
-STAGE, VERSION = "model", 14
+STAGE, VERSION = "model", 15
 
 
 def wants_model(works: Sequence[CaptureContext]) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture, Catalogue, Object, Pose, Sphere, load, write
 from glint.storage.footage.writer import write_video
+from glint.storage.replacement import replaced
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.multiview.view import rotation_about_y
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
@@ -66,7 +67,8 @@ def simulate(
 ) -> SimulationRecord:
     """Write OUT/<shape>/<capture>/ and enter it in OUT/catalogue.yaml; an earlier object of this shape is replaced.
 
-    The object appears whole or not at all. progress(done, total): frames of all views together.
+    The object appears whole or not at all: where it cannot be entered in the catalogue, the earlier one stays.
+    progress(done, total): frames of all views together.
 
     Raises:
         ValueError: no such shape; OSError: the folder cannot be written.
@@ -92,11 +94,9 @@ def simulate(
             captures.append(_capture(out / shape / name, name, layout, options, placement))
         if options.views > 1:
             write_true_model(Path(temporary) / shape / "truth_model.ply", shape, layout, options)
-        if (out / shape).exists():
-            (out / shape).rename(Path(temporary) / "replaced")
-        (Path(temporary) / shape).rename(out / shape)
-    model = str((out / shape / "truth_model.ply").absolute()) if options.views > 1 else None
-    _enter(out / "catalogue.yaml", Object(id=shape, captures=tuple(captures), truth_model=model))
+        model = str((out / shape / "truth_model.ply").absolute()) if options.views > 1 else None
+        with replaced(out / shape, Path(temporary) / shape):
+            _enter(out / "catalogue.yaml", Object(id=shape, captures=tuple(captures), truth_model=model))
     return SimulationRecord(out / "catalogue.yaml", shape, tuple(capture.id for capture in captures), frames)
 
 

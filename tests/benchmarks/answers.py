@@ -63,7 +63,7 @@ def main() -> None:
         late = sorted(seconds)[min(len(seconds) - 1, int(0.95 * len(seconds)))]
         print(f"{name}: median {median(seconds):.2f} s, 95th percentile {late:.2f} s of {len(seconds)} answers")
     print(f"load {os.getloadavg()[0]:.1f}")
-    served.server.should_exit = True
+    served.stop()
 
 
 def _saved(session: requests.Session, path: str, marks: list[dict[str, Any]], revision: int) -> int:

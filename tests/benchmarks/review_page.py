@@ -114,7 +114,7 @@ def main() -> None:
             print(f"first view: {median(views):.2f} s (longest {max(views):.2f} s)")
             print(f"scrolling: {median(gaps):.0f} ms a frame, 95th percentile {gaps[int(0.95 * len(gaps))]:.0f} ms")
             running.close()
-        served.server.should_exit = True
+        served.stop()
 
 
 if __name__ == "__main__":

@@ -66,17 +66,21 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, inrad
     faces: list[Face] = []
     parts, count = ndimage.label(flat & ~_at_crease(values, flat))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    windows, taken = ndimage.find_objects(parts), np.zeros_like(mask)
     for part in np.argsort(-sizes):
-        core = parts == part + 1
-        normal = unit(np.median(values[core], axis=0))
-        scatter = np.percentile(angles(values[core], normal), 80)
-        if scatter > MAX_SCATTER_DEG or np.median(lights[core]) < MIN_LIGHTS:
+        window = windows[part]
+        core = parts[window] == part + 1
+        normal = unit(np.median(values[window][core], axis=0))
+        scatter = np.percentile(angles(values[window][core], normal), 80)
+        if scatter > MAX_SCATTER_DEG or np.median(lights[window][core]) < MIN_LIGHTS:
             continue
-        pixels = _touching(values @ normal.astype(np.float32) > np.cos(np.radians(FACE_DEG)), core)
-        taken = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(mask)
-        pixels &= ~taken
-        if depth_inside(pixels).max() < max(MIN_FACE_INRADII * inradius, MIN_FACE_PX):
+        rows, region = _connected_rows(values, normal, parts, part + 1, window[0])
+        region &= ~taken[rows]
+        if depth_inside(region).max() < max(MIN_FACE_INRADII * inradius, MIN_FACE_PX):
             continue
+        pixels = np.zeros_like(mask)
+        pixels[rows] = region
+        taken |= pixels
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))
 
@@ -105,6 +109,29 @@ def _with_region(
             if (angles(values[known], common) > FACE_DEG + SAME_FACE_DEG).mean() < MAX_FOREIGN_SHARE:
                 return [*faces[:number], Face(common, merged, hull), *faces[number + 1 :]]
     return [*faces, Face(normal, pixels, convex_hull(pixels) & mask)]
+
+
+def _connected_rows(
+    values: np.ndarray, normal: np.ndarray, parts: np.ndarray, part: int, rows: slice
+) -> tuple[slice, np.ndarray]:
+    """Return rows of an image, and which of their pixels (h, W) bool have a normal and are connected to a part.
+
+    All such pixels of the image lie in these rows: the whole image for each of thousands of small parts would take a
+    time that grows with the square of its size.
+
+    values: (H, W, 3) float32. parts: (H, W), the number of each pixel's part. rows: of the part.
+    """
+    height, cosine = len(values), np.cos(np.radians(FACE_DEG))
+    while True:
+        region = _touching(values[rows] @ normal.astype(np.float32) > cosine, parts[rows] == part)
+        is_open_above, is_open_below = rows.start > 0 and region[0].any(), rows.stop < height and region[-1].any()
+        if not (is_open_above or is_open_below):
+            return rows, region
+        more = rows.stop - rows.start
+        rows = slice(
+            max(0, rows.start - more) if is_open_above else rows.start,
+            min(height, rows.stop + more) if is_open_below else rows.stop,
+        )
 
 
 def _touching(region: np.ndarray, core: np.ndarray) -> np.ndarray:

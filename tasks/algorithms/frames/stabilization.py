@@ -41,8 +41,8 @@ STILL_AGREEMENT = 0.8
 """Share of the blocks with structure that agree on a frame's having stood still, without a search farther off."""
 MAX_SHIFT_PX = 16
 """Largest translation that the search in whole pixels covers."""
-CLIPPED_NOISE_RATIO = 3.0
-"""Noise levels to which differences are clipped, so that a highlight does not decide a block."""
+CLIPPED_DEVIATIONS = 3.0
+"""Standard deviations of a block's structure to which differences are clipped, so that a highlight does not decide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +65,14 @@ class TranslationEstimator:
         excluded: (H, W) bool, object and spheres: shading moves over them with the light.
         """
         self._reference = _band_pass(reference)
-        # About the standard deviation (1.4826 times the median, if Gaussian), and a level of quantization.
-        self._noise = 1.5 * float(np.median(np.abs(self._reference))) + 1.0
         down, right = np.gradient(self._reference)
         self._right, self._down = right, down
         self._size = min(BLOCK_PX, max(8, min(reference.shape) // 5))
         self._tensor = [self._blocks(values) for values in (right * right, right * down, down * down)]
         self._energy = self._blocks(self._reference**2)
+        # With a level of quantization. One limit for the whole image would clip strong structure beside a plain table,
+        # and so make its steps too small.
+        self._limits = CLIPPED_DEVIATIONS * (np.sqrt(self._energy) / self._size + 1.0)
         a, b, d = self._tensor
         # The smaller eigenvalue: a single straight edge shows no translation along itself.
         smaller = 0.5 * (a + d) - np.sqrt(0.25 * (a - d) ** 2 + b**2)
@@ -127,15 +128,14 @@ class TranslationEstimator:
 
         A block's contrast follows the light, so it is fitted first.
         """
-        limit = CLIPPED_NOISE_RATIO * self._noise
         product, energy = self._blocks(moved * self._reference), self._blocks(moved**2)
         contrast = np.maximum(product, 1e-6) / np.maximum(self._energy, 1e-6)
         correlation = product / np.sqrt(np.maximum(energy * self._energy, 1e-6))
-        scale = np.kron(1.0 / np.clip(contrast, 0.1, 10.0), np.ones((self._size, self._size), np.float32))
+        scale, limit = (self._in_pixels(values) for values in (1.0 / np.clip(contrast, 0.1, 10.0), self._limits))
         residual = np.zeros_like(moved)
         height, width = scale.shape
-        residual[:height, :width] = moved[:height, :width] * scale - self._reference[:height, :width]
-        residual = residual.clip(-limit, limit)
+        difference = moved[:height, :width] * scale - self._reference[:height, :width]
+        residual[:height, :width] = difference.clip(-limit, limit)
         u, v = self._blocks(self._right * residual), self._blocks(self._down * residual)
         a, b, d = self._tensor
         determinant = np.maximum(a * d - b * b, 1e-6)
@@ -160,13 +160,17 @@ class TranslationEstimator:
         whole = values[: rows * size, : columns * size]
         return np.asarray(whole.reshape(rows, size, columns, size).sum(axis=(1, 3), dtype=np.float64))
 
+    def _in_pixels(self, values: np.ndarray) -> np.ndarray:
+        """Return the values (R, C) of blocks at each of their pixels."""
+        return np.kron(values, np.ones((self._size, self._size), np.float32))
+
     def _in_whole_pixels(self, detail: np.ndarray) -> np.ndarray:
         """Return the whole-pixel translation (2,) at which the reference's middle correlates best with `detail`."""
         margin = min(MAX_SHIFT_PX, min(detail.shape) // 6)
         if margin < 1:
             return np.zeros(2)
         # Clipped, so that a highlight does not decide the correlation.
-        limit = CLIPPED_NOISE_RATIO * self._noise
+        limit = np.float32(np.median(self._limits[self._structured]))
         middle = self._reference[margin:-margin, margin:-margin]
         correlation = cv2.matchTemplate(detail.clip(-limit, limit), middle.clip(-limit, limit), cv2.TM_CCOEFF_NORMED)
         row, column = np.unravel_index(int(correlation.argmax()), correlation.shape)

@@ -14,17 +14,19 @@ ImplicitFunction = Callable[[np.ndarray], np.ndarray]
 
 _DIFFERENCE_STEP = 1e-3
 """Half width of the central differences, in the unit of the points."""
+MAX_DIFFERENCE_SHARE = 0.01
+"""Largest half width of them in cells of the net."""
 _NEWTON_STEPS = 4
 """Steps that move a vertex of the net onto the surface."""
 
 
-def gradient(function: ImplicitFunction, points: np.ndarray) -> np.ndarray:
-    """Return the gradients (N, 3) float64 at points (N, 3) by central differences."""
+def gradient(function: ImplicitFunction, points: np.ndarray, difference: float = _DIFFERENCE_STEP) -> np.ndarray:
+    """Return the gradients (N, 3) float64 at points (N, 3) by central differences over this length."""
     result = np.empty_like(points)
     for axis in range(3):
         step = np.zeros(3)
-        step[axis] = _DIFFERENCE_STEP
-        result[:, axis] = (function(points + step) - function(points - step)) / (2.0 * _DIFFERENCE_STEP)
+        step[axis] = difference
+        result[:, axis] = (function(points + step) - function(points - step)) / (2.0 * difference)
     return result
 
 
@@ -147,9 +149,11 @@ def surface_nets(
     cells, index = np.unique(np.ravel_multi_index(tuple(corners.T), inside.shape), return_inverse=True)
     places = np.unravel_index(cells, inside.shape)
     vertices = np.stack([axis[place] for axis, place in zip(axes, places, strict=True)], axis=1) + cell / 2
+    # Cells are far smaller than the usual difference where the unit of the points is large.
+    difference = min(_DIFFERENCE_STEP, MAX_DIFFERENCE_SHARE * cell)
     # Newton steps along the gradient, each at most a cell long.
     for _ in range(_NEWTON_STEPS):
-        slope = gradient(function, vertices)
+        slope = gradient(function, vertices, difference)
         step = slope * (function(vertices) / np.maximum((slope**2).sum(axis=1), 1e-9))[:, None]
         vertices -= np.clip(step, -cell, cell)
     square = index.reshape(-1, 4)

@@ -19,6 +19,15 @@ def with_relief(solid: ImplicitFunction, pattern: Pattern) -> ImplicitFunction:
     return function
 
 
+def flat_below(solid: ImplicitFunction, height: float) -> ImplicitFunction:
+    """Return what of a solid lies above a height; f is a bound of the distance from it where that of the solid is."""
+
+    def function(points: np.ndarray) -> np.ndarray:
+        return np.maximum(solid(points), height - points[:, 1])
+
+    return function
+
+
 def _between(height: np.ndarray, low: float, high: float, fade: float) -> np.ndarray:
     """Return 1 between two heights, 0 beyond them, with a smooth step of a width at both."""
     share = np.clip((np.minimum(height - low, high - height) + fade / 2) / fade, 0.0, 1.0)
@@ -54,4 +63,4 @@ def cut_bowl() -> ImplicitFunction:
         first, second = np.cos(24.0 * angle + 0.16 * height), np.cos(24.0 * angle - 0.16 * height)
         return -1.4 * (np.maximum(first, 0.0) ** 2 + np.maximum(second, 0.0) ** 2) * _between(height, -40.0, 34.0, 8.0)
 
-    return with_relief(ellipsoid((0, 0, 0), (72, 62, 72)), diamonds)
+    return flat_below(with_relief(ellipsoid((0, 0, 0), (72, 62, 72)), diamonds), -58.6)

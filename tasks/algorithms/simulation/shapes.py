@@ -198,7 +198,7 @@ _IMPLICIT: dict[str, tuple[Callable[[], ImplicitFunction], Sequence[int], Sequen
     "pitcher": (pitcher, (-74, -112, -74), (102, 108, 74), 1.4),
     "hobnail-vase": (hobnail_vase, (-66, -94, -66), (66, 92, 66), 1.2),
     "ribbed-bottle": (ribbed_bottle, (-64, -96, -64), (64, 102, 64), 1.2),
-    "cut-bowl": (cut_bowl, (-76, -52, -76), (76, 66, 76), 1.2),
+    "cut-bowl": (cut_bowl, (-76, -64, -76), (76, 66, 76), 1.2),
     "puppy": (puppy, (-72, -124, -50), (70, 106, 86), 1.6),
     "teddy-bear": (teddy_bear, (-80, -122, -60), (98, 110, 112), 1.6),
     "ring": (partial(torus, 64.0, 24.0), (-94, -30, -94), (94, 30, 94), 1.6),

@@ -4,7 +4,6 @@ import re
 import shutil
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,11 +35,18 @@ class ServedPage:
     store: Path
     catalogue: Path | None
     server: uvicorn.Server = field(repr=False)
+    thread: threading.Thread = field(repr=False)
 
     @property
     def session(self) -> dict[str, str]:
         """The header that a browser sends which was let in."""
         return {"Cookie": f"{self.access.cookie}={self.access.session}"}
+
+    def stop(self) -> None:
+        """End the server, and wait until it has ended."""
+        self.server.should_exit = True
+        self.thread.join(PATIENCE)
+        assert not self.thread.is_alive()
 
 
 def serve(store: Path, catalogue: Path | None) -> ServedPage:
@@ -51,9 +57,10 @@ def serve(store: Path, catalogue: Path | None) -> ServedPage:
     access = Access((origin,))
     app = create_app(str(store), None if catalogue is None else str(catalogue), access)
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
-    threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True).start()
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread.start()
     until(lambda: server.started)
-    return ServedPage(origin, access, app, store, catalogue, server)
+    return ServedPage(origin, access, app, store, catalogue, server, thread)
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +82,7 @@ def served(stored: tuple[Path, Path]) -> Iterator[ServedPage]:
     """The page of that store."""
     page = serve(*stored)
     yield page
-    page.server.should_exit = True
-    time.sleep(0.1)
+    page.stop()
 
 
 @pytest.fixture(scope="module")

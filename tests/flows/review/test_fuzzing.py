@@ -47,7 +47,7 @@ def fuzzed(stored: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) 
     requests.get(address, headers=page.session, timeout=TIMEOUT_S).raise_for_status()
     until(lambda: page.app.state.review.preparation.is_idle)
     yield page
-    page.server.should_exit = True
+    page.stop()
 
 
 def test_no_request_makes_the_server_fail(fuzzed: ServedPage) -> None:

@@ -175,7 +175,7 @@ def test_the_page_shows_what_is_wrong_with_the_catalogue_until_it_is_right(
         tab.page.wait_for_selector("[role=alert]", state="hidden")
         # The thumbnail of a capture without results is absent, which the browser says.
         tab.complaints.clear()
-    served.server.should_exit = True
+    served.stop()
 
 
 def filled(*rows: Row) -> Listing:

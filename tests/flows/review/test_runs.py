@@ -117,7 +117,7 @@ def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_comput
     entry = reading.open(store)["hemisphere"].latest.metadata["captures"]["front"]
     assert entry["edits"]["revision"] == 1
     assert entry["entry"]["spheres"][0]["x"] == sphere.x
-    served.server.should_exit = True
+    served.stop()
 
 
 def test_a_run_is_stopped_and_the_next_one_goes_on_from_there(
@@ -131,7 +131,7 @@ def test_a_run_is_stopped_and_the_next_one_goes_on_from_there(
         tab.page.click("aside .run button:has-text('Stop')")
         tab.page.wait_for_selector("aside .run >> text=stopped: what is finished is kept", timeout=RUN_MS)
         run_from_here(tab, "v1")
-    served.server.should_exit = True
+    served.stop()
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def leaking(tmp_path: Path, shared_data: Path) -> Iterator[tuple[ServedPage, Pat
     write(Catalogue.model_validate({"schema": 1, "name": "leaking", "objects": objects}), tmp_path / "catalogue.yaml")
     served = serve(tmp_path / "store", tmp_path / "catalogue.yaml")
     yield served, captures / "hemisphere/front"
-    served.server.should_exit = True
+    served.stop()
 
 
 @pytest.mark.shared

@@ -62,6 +62,42 @@ def test_back_and_the_skip_link_lose_nothing(tab: Tab) -> None:
     tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
 
 
+def test_corners_of_a_polygon_are_not_left_without_a_question(tab: Tab) -> None:
+    page, questions = tab.open(INPUTS, READY), list[str]()
+
+    def set_corner() -> None:
+        page.focus("main")
+        page.keyboard.press("p")
+        page.keyboard.press("Enter")
+        tab.wait("document.getElementById('status').textContent.startsWith('corner 1 at ')")
+
+    def leave() -> None:
+        page.click("#tabs a >> text=Versions")
+
+    def answer(dialog: Any) -> None:
+        questions.append(dialog.message)
+        if len(questions) == 1:
+            dialog.dismiss()
+        else:
+            dialog.accept()
+
+    page.on("dialog", answer)
+    set_corner()
+    leave()
+    assert page.evaluate("location.hash") == INPUTS and len(questions) == 1
+    page.keyboard.press("Backspace")
+    tab.wait("document.getElementById('status').textContent === '0 corners'")
+    leave()
+    page.wait_for_selector(".versions textarea")
+    assert len(questions) == 1, "nothing was left to be lost"
+    tab.open(INPUTS, READY)
+    set_corner()
+    leave()
+    page.wait_for_selector(".versions textarea")
+    assert len(questions) == 2
+    tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
+
+
 def test_a_note_that_is_being_written_stays_while_versions_are_compared(tab: Tab) -> None:
     page = tab.open(INPUTS.replace("inputs", "versions"), ".versions textarea")
     page.fill(".versions textarea", "a chip at the rim")

@@ -122,7 +122,7 @@ export class RunPanel {
   }
 
   reload() {
-    this.later(() => this.view.history.isDirty || this.view.reload(), 400);
+    this.later(() => this.view.isUnsaved || this.view.reload(), 400);
   }
 }
 

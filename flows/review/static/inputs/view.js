@@ -3,6 +3,7 @@
 import { ask } from "../api.js";
 import { element } from "../dom.js";
 import { bind } from "../keys.js";
+import { guardLeaving } from "../leaving.js";
 import { CameraLayer, PoseLayer } from "./camera.js";
 import { History } from "./history.js";
 import { LightDome } from "./lights.js";
@@ -162,6 +163,16 @@ class InputsView {
     return [this.mask, ...this.layers].some((layer) => layer.isChanged);
   }
 
+  /** Whether anything would be lost: changes that are not saved, or corners of a polygon that is not filled. */
+  get isUnsaved() {
+    return this.history.isDirty || this.mask.polygon.corners.length > 0;
+  }
+
+  forget() {
+    this.mask.polygon.cancel();
+    this.history.clear();
+  }
+
   changed() {
     this.save?.show();
   }
@@ -195,7 +206,7 @@ class InputsView {
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
     ].map(([key, text, action]) => [key, text, (event) => this.isLocked || action(event)]), this.signal);
-    this.history.guard(this.signal);
+    guardLeaving(() => this.isUnsaved, () => this.forget(), this.signal);
   }
 
   /** Lets nobody change anything, neither by mouse nor by keys, until it is unlocked. */

@@ -69,6 +69,17 @@ def test_faces_that_other_paths_divide_are_joined(truth: np.ndarray) -> None:
     assert len(find_faces(accepted, LIGHTS, mask, inradius_of(mask))) == 2
 
 
+def test_a_face_reaches_as_far_as_its_pixels_are_connected() -> None:
+    """They lead up from the only flat part, across, and down again beyond it."""
+    is_face = np.zeros(SHAPE, bool)
+    is_face[100:140, 20:60] = True
+    is_face[10:100, 40] = is_face[10, 40:130] = is_face[10:156, 130] = True
+    accepted = np.where(is_face[..., None], unit(np.array([0.1, 0.2, 1.0])), np.nan)
+    mask = np.ones(SHAPE, bool)
+    (face,) = find_faces(accepted, LIGHTS, mask, inradius_of(mask))
+    assert np.array_equal(face.pixels, is_face)
+
+
 def test_two_planes_meet_where_their_normals_say(truth: np.ndarray) -> None:
     mask = np.isfinite(truth[..., 0])
     faces = find_faces(observable(truth), LIGHTS, mask, inradius_of(mask))

@@ -53,6 +53,20 @@ def test_shake_amplitude_separates_a_tripod_from_a_shaken_camera() -> None:
     assert shake_amplitude(register(shaken_frames(np.random.default_rng(4).normal(0, 1, (15, 2))))[1]) > 1.5
 
 
+@pytest.mark.parametrize("is_scattered", [False, True])
+def test_strong_structure_in_a_part_of_a_plain_image_is_enough(is_scattered: bool) -> None:
+    """Neither one patch nor many small ones beside a plain table are clipped to what is usual in the whole image."""
+    generator = np.random.default_rng(14)
+    rows, columns = np.indices((240, 320)) // 32
+    has_pattern = generator.random((8, 10))[rows, columns] < 0.25 if is_scattered else (columns < 3)
+    table = (90.0 + 300.0 * has_pattern * gaussian_filter(generator.normal(size=(240, 320)), 1)).astype(np.float32)
+    shifts = generator.normal(0.0, 2.0, (16, 2))
+    moved = np.stack([translate(table, shift) for shift in shifts])
+    frames = (moved + generator.normal(0.0, 1.0, moved.shape)).clip(0.0, 255.0).round().astype(np.uint8)
+    _, found = register(frames)
+    assert np.abs(found - found[0] - (shifts - shifts[0])).max() < 0.15
+
+
 def test_nothing_is_known_of_an_image_without_structure() -> None:
     estimator = TranslationEstimator(np.full((50, 60), 40.0, np.float32))
     assert estimator.estimate(np.full((50, 60), 40, np.uint8)) is None

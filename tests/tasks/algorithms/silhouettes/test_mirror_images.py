@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.silhouettes.mirror_images import (
+    MirrorAxis,
     completed_silhouette,
     mirror_axes,
+    mirror_image,
     mirror_images,
     symmetric_body,
 )
@@ -71,3 +73,19 @@ def test_the_axis_of_a_body_beside_a_handle_is_found_to_a_fraction_of_a_pixel(tu
     axis = mirror_axes(body | (np.hypot(across - 26.0, along + 8.0) < 12.0))[0]
     assert abs((middle - axis.centre) @ axis.normal - axis.offset) < 0.2
     assert abs(axis.normal @ normal) > np.cos(np.radians(0.2))
+
+
+@pytest.mark.parametrize("offset", [-3.0, 0.0, 2.5])
+@pytest.mark.parametrize("down", [False, True])
+def test_the_mirror_image_of_a_mask_up_to_the_border_ends_with_the_mask(offset: float, down: bool) -> None:
+    """What lies beyond the image is no part of the mask, and pixels of its border are."""
+    mask = np.random.default_rng(3).random((14, 21)) < 0.5
+    mask[0] = mask[-1] = mask[:, 0] = mask[:, -1] = True
+    lines = mask if down else mask.T
+    expected = np.zeros_like(lines)
+    for line in range(len(lines)):
+        image = len(lines) - 1 + round(2.0 * offset) - line
+        if 0 <= image < len(lines):
+            expected[line] = lines[image]
+    axis = MirrorAxis(np.array([10.0, 6.5]), np.pi / 2 if down else 0.0, offset)
+    assert np.array_equal(mirror_image(mask, axis), expected if down else expected.T)
