@@ -24,8 +24,8 @@ MIN_NZ = 0.2
 """Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 ROBUST_ROUNDS, OUTLIER_DEVIATIONS = 4, 4.0
 """Rounds of the robust fit, and robust standard deviations from which a normal is left out."""
-ALIKE = 100.0
-"""Neighbouring normals that err alike, and count as one."""
+INDEPENDENT_NORMALS = 25.0
+"""Independent normals that all of a wall count as: neighbours err alike, over lengths that grow with the object."""
 CIRCLE_GROUPS = 8
 """Groups of neighbouring circles of which each is left out in turn: the normals of one err alike."""
 
@@ -136,7 +136,7 @@ def _robust_fit(matrix: np.ndarray, values: np.ndarray, precision: np.ndarray) -
         remaining = np.abs(values - matrix @ solution)
         deviation = robust_deviation(remaining) + 1e-9
         kept = remaining < OUTLIER_DEVIATIONS * deviation
-        weight = 1.0 / (deviation * np.sqrt(ALIKE))
+        weight = np.sqrt(INDEPENDENT_NORMALS / len(values)) / deviation
         used = weight * matrix[kept]
         covariance = np.linalg.inv(used.T @ used + np.diag(precision))
         solution = covariance @ used.T @ (weight * values[kept])
