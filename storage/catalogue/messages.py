@@ -51,7 +51,7 @@ _MATRIX_REMEDIES = {
 }
 """Remedies for too many or too few rows or numbers, by key."""
 _DISTORTION = re.compile("dist", re.IGNORECASE)
-_DISTORTION_REMEDY = "lens distortion is not modelled: undistort the frames, and give the matrix of the undistorted ones"
+_DISTORTION_REMEDY = "lens distortion is not modelled: undistort the frames, and give their new matrix"
 _FAULTS = {
     "model_type": "this is no set of keys with values",
     "dict_type": "this is no set of keys with values",

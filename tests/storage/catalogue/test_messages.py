@@ -63,7 +63,7 @@ def _pose(x: float, y: float, z: float) -> list[list[float]]:
         ("camera: {fx: 2900}", "unknown key 'fx' in objects[0].captures[0].camera: the only key is matrix"),
         ("frames: [a.png, b.png]", "write one path; a folder, or shots/*.png, names several files"),
         ('mask: "C:\\Users\\me\\mask.png"', "write the text between single quotes, or a path with /"),
-        ("camera: {matrix: [500, 0, 120, 0, 500, 72, 0, 0, 1]}", "at most 3 items are allowed, not 9: write three rows"),
+        ("camera: {matrix: [500, 0, 120, 0, 500, 72, 0, 0, 1]}", "at most 3 items are allowed, not 9: write three"),
         ("camera: {matrix: [[500, 0, 120], [0, 500, 72]]}", "camera.matrix[2] is missing: write three rows of three"),
         ("camera: {distortion_coefficients: [0.1]}", "lens distortion is not modelled: undistort the frames"),
         (f"pose: {{camera_to_world: {_pose(2, 2, 2)}}}", "their lengths are 2, 2, 2: give a rotation there"),
