@@ -77,6 +77,7 @@ def save_sphere(
     confidence = np.where(mask, np.where(normals[..., 2] > 0.8, 0.97, 0.4), np.nan).astype(np.float32)
     arrays["mask"] = {"mask": mask}
     arrays["labels"] |= {"normals": normals, "confidence": confidence, "provenance": mask.astype(np.uint8)}
+    arrays["labels"]["labels"][1:] = 0
     arrays["silhouette"] = {"rim": mask, "initial": normals}
     arrays["depth"] = {"depth": depth, "provenance": mask.astype(np.uint8)}
     unit, pixel_size = ("mm", 0.5) if scale_known else ("pixels", None)
