@@ -7,7 +7,7 @@ from glint.storage.export.axes import OPENCV_FROM_CAMERA
 from glint.storage.export.camera import CaptureCamera
 from glint.storage.export.mesh_files import Mesh
 
-MIN_FACING = 0.3
+MIN_FACING_COSINE = 0.3
 """Cosine between a vertex's normal and the direction to the camera from which the camera surely sees the vertex."""
 MIN_VERTICES = 10
 """Vertices on a connected piece from which its distance is known."""
@@ -24,7 +24,7 @@ def placed_on_model(ahead: np.ndarray, camera: CaptureCamera, model: Mesh) -> np
     from_world = OPENCV_FROM_CAMERA @ np.linalg.inv(camera.camera_to_world)
     points = model.vertices @ from_world[:3, :3].T + from_world[:3, 3]
     facing = -(points * (model.normals @ from_world[:3, :3].T)).sum(axis=1) / np.linalg.norm(points, axis=1)
-    points = points[(facing > MIN_FACING) & (points[:, 2] > 0)]
+    points = points[(facing > MIN_FACING_COSINE) & (points[:, 2] > 0)]
     pixels = points @ camera.matrix.T
     columns, rows = np.rint(pixels[:, :2] / pixels[:, 2:]).astype(int).T - [[camera.region.x], [camera.region.y]]
     inside = (rows >= 0) & (rows < ahead.shape[0]) & (columns >= 0) & (columns < ahead.shape[1])

@@ -137,7 +137,7 @@ def _check_normals(normals: np.ndarray, uri: str) -> None:
 
 
 def _check_depth(depth: np.ndarray, normals: np.ndarray, uri: str) -> None:
-    """Check that true depth (H, W) rises as the true normals (H, W, 3) tell: in pixels, towards the camera."""
+    """Check that true depth (H, W) rises as the true normals (H, W, 3) show: in pixels, towards the camera."""
     with np.errstate(invalid="ignore", divide="ignore"):
         slopes = normals[..., 1::-1] / normals[..., 2:] * (1.0, -1.0)
         steep = (slopes**2).sum(axis=-1)
@@ -145,10 +145,10 @@ def _check_depth(depth: np.ndarray, normals: np.ndarray, uri: str) -> None:
         rises = rises[(normals[..., 2] > _MIN_COSINE) & (steep > _MIN_SLOPE**2) & np.isfinite(rises)]
     rise = float(np.median(rises)) if rises.size >= _MIN_SLOPES else 1.0
     if rise < 0:
-        raise InputError(f"{uri} falls where the normals tell that it rises", "count depth towards the camera")
+        raise InputError(f"{uri} falls where the normals show that it rises", "count depth towards the camera")
     if not 1 / _MAX_RISE < rise < _MAX_RISE:
         remedy = "give depth in pixels: divide millimetres by the millimetres that a pixel covers"
-        raise InputError(f"{uri} rises {rise:.3g} times as much as the normals tell", remedy)
+        raise InputError(f"{uri} rises {rise:.3g} times as much as the normals show", remedy)
 
 
 def _decode_array(data: bytes, shapes: Sequence[Shape], uri: str) -> np.ndarray:

@@ -66,7 +66,7 @@ def test_a_truth_of_the_full_frame_is_cropped_to_the_region(context: CaptureCont
 
 @pytest.mark.parametrize(
     ("factor", "says"),
-    [(0.42, r"rises 0\.42\d* times as much as the normals tell"), (-1.0, "falls where the normals tell that it rises")],
+    [(0.42, r"rises 0\.42\d* times as much as the normals show"), (-1.0, "falls where the normals show that it rises")],
 )
 def test_depth_of_another_unit_or_direction_than_the_normals_is_refused(
     context: CaptureContext, factor: float, says: str
