@@ -3,7 +3,7 @@
 import json
 import unicodedata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -140,7 +140,9 @@ def test_names_may_hold_spaces_tabs_and_other_letters(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
-def test_names_with_umlauts_match_in_the_encodings_of_all_systems(tmp_path: Path, encoding: str, form: str) -> None:
+def test_names_with_umlauts_match_in_the_encodings_of_all_systems(
+    tmp_path: Path, encoding: str, form: Literal["NFC", "NFD"]
+) -> None:
     (tmp_path / "a.lp").write_bytes("2\r\nC:\\rti\\Größe 2.jpg 1 0 0\r\nGröße 1.jpg 0 1 0\r\n".encode(encoding))
     names = [unicodedata.normalize(form, name) for name in ("Größe 1.jpg", "Größe 2.jpg")]
     assert read_lights(tmp_path / "a.lp", names).tolist() == [[0, 1, 0], [1, 0, 0]]
