@@ -86,6 +86,16 @@ class StoredCapture:
         return self._array("initial_normals")
 
     @cached_property
+    def candidates(self) -> np.ndarray:
+        """Candidate normals of each pixel, (K, H, W, 3) float32, unit length; NaN where there are fewer than K."""
+        return self._array("candidates")
+
+    @cached_property
+    def accepted_candidates(self) -> np.ndarray:
+        """Which of the `candidates` are taken for normals of the outer surface, (K, H, W) bool."""
+        return _frozen(self._array("labels") > 0)
+
+    @cached_property
     def accepted(self) -> np.ndarray:
         """Frames with a usable light, (T,) bool."""
         return _frozen(self._array("reason") == 0)

@@ -15,6 +15,7 @@ from glint.flows.cli.main import app
 from glint.storage.catalogue.loading import CatalogueError, load
 from glint.storage.catalogue.models import Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
+from glint.tasks.algorithms.simulation.options import SHAPES
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions
@@ -131,6 +132,11 @@ def test_options_of_the_simulation_exist() -> None:
     for path in DOCUMENTS:
         unknown = set(re.findall(r"--set ([a-z_]+)=", " ".join(text_of(path).split()))) - names
         assert not unknown, f"{path.name} sets {unknown}"
+
+
+def test_the_page_of_commands_names_every_shape() -> None:
+    paragraph = re.search(r"^SHAPE is (.*?)\n\n", text_of(DOCS / "commands.md"), re.DOTALL | re.MULTILINE)
+    assert paragraph and set(re.findall(r"`([a-z-]+)`", paragraph[1])) == {*SHAPES, "all"}
 
 
 def test_the_catalogue_example_loads(tmp_path: Path) -> None:

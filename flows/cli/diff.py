@@ -77,6 +77,11 @@ def _in_degrees(angle: float | None) -> str:
     return "" if angle is None else f"{angle:.2f}°"
 
 
+def in_yaml(value: Any) -> Any:
+    """Return a value as a catalogue gives it: null, true and false; others, such as text and numbers, unchanged."""
+    return json.dumps(value) if value is None or isinstance(value, bool) else value
+
+
 def _print_report(report: dict[str, Any], out: Path | None) -> None:
     from glint.flows.cli.tables import show, table_of
     from glint.tasks.figures.diff_maps import MAX_ANGLE_DEG
@@ -86,7 +91,7 @@ def _print_report(report: dict[str, Any], out: Path | None) -> None:
     show(table_of(rows, f"{before} and {after} share no capture"))
     echo()
     headings = {"before": before, "after": after}
-    changes = [{headings.get(key, key): value for key, value in row.items()} for row in report["changes"]]
+    changes = [{headings.get(key, key): in_yaml(value) for key, value in row.items()} for row in report["changes"]]
     show(table_of(changes, "parameters, inputs and code are the same"))
     for captures, version in ((report["removed"], before), (report["added"], after)):
         if captures:

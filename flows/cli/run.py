@@ -86,4 +86,5 @@ def _print_summary(summary: "Summary", file: str, store: str | None) -> None:
     echo(f"review: glint review {quote(file)}{store_option(store)}, then {review_address()}")
     published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
     if published is not None:
-        echo(f"next: glint export {published} --out {published}{store_option(store)}")
+        # The folder of the object's own name may be the one with its videos.
+        echo(f"next: glint export {published} --out {published}-export{store_option(store)}")

@@ -1,6 +1,7 @@
 """Turn pydantic's validation errors into diagnostics: line, value, cause, and for an unknown key the nearest known."""
 
 import difflib
+import re
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -33,7 +34,9 @@ _REMEDIES = {
     "less_than": "check the number and its unit",
     "camera": "give the matrix in pixels; transpose it if its last column is 0, 0, 1",
     "pose": "give exactly one of the two",
-    "rigid": "invert it if it is world_to_camera, and give lengths in its last column only",
+    "last_row": "transpose the matrix if its last column is 0, 0, 0, 1",
+    "not_orthonormal": "give a rotation there, without a scale, and lengths in the last column only",
+    "mirrored": "negate one of these columns: x points to the right, y up, z backwards, away from what the camera sees",
     "greater_than_equal": "check the number and its unit",
     "less_than_equal": "check the number and its unit",
     "same_sphere": "remove one",
@@ -42,6 +45,13 @@ _REMEDIES = {
 }
 """Remedies by pydantic's name of the error."""
 _DEFAULT_REMEDY = "fix the value"
+_MATRIX_REMEDIES = {
+    "matrix": "write three rows of three numbers: [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]",
+    "camera_to_world": "write four rows of four numbers, the last one [0, 0, 0, 1]",
+}
+"""Remedies for too many or too few rows or numbers, by key."""
+_DISTORTION = re.compile("dist", re.IGNORECASE)
+_DISTORTION_REMEDY = "lens distortion is not modelled: undistort the frames, and give their new matrix"
 _FAULTS = {
     "model_type": "this is no set of keys with values",
     "dict_type": "this is no set of keys with values",
@@ -50,7 +60,7 @@ _FAULTS = {
     "int_parsing_size": "this is no number that can be meant",
 }
 """Faults by pydantic's name of the error, where its own words are about Python."""
-_OWN = ("camera", "pose", "rigid", "same_sphere")
+_OWN = ("camera", "pose", "last_row", "not_orthonormal", "mirrored", "same_sphere")
 """Errors whose words are Glint's own, and name the value where that helps."""
 _REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
 """Errors that the catalogue's loader reports with the lines of both keys."""
@@ -88,10 +98,12 @@ def _diagnostic(
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         keys = f"known keys are {', '.join(known)}" if len(known) > 1 else f"the only key is {''.join(known)}"
         remedy = f"did you mean {near[0]!r}?" if near else keys
+        if location[-2:-1] == ("camera",) and _DISTORTION.search(str(location[-1])):
+            remedy = _DISTORTION_REMEDY
         message = f"unknown key {truncate_repr(location[-1])} in {_format_path(prefix + location[:-1])}"
         return Diagnostic(file, line, message, remedy)
     if kind == "missing":
-        return Diagnostic(file, line, f"{path} is missing", "add it")
+        return Diagnostic(file, line, f"{path} is missing", _matrix_remedy(location) or "add it")
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
         return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is not a valid id", remedy)
@@ -102,11 +114,19 @@ def _diagnostic(
         remedy = f"{remedy}: {', '.join(known)}"
     if kind == "string_type" and location[-1] == "frames":
         remedy = "write one path; a folder, or shots/*.png, names several files"
+    if kind == "too_long":
+        remedy = _matrix_remedy(location) or remedy
     if kind == "schema":
         return Diagnostic(file, line, detail["msg"], remedy)
     if kind == "same_sphere":
         return Diagnostic(file, line, f"{path}: {detail['msg']}", remedy)
     return Diagnostic(file, line, f"{path} is {fault_of(detail)}", remedy)
+
+
+def _matrix_remedy(location: tuple[int | str, ...]) -> str | None:
+    """Return how to write the matrix that a path leads to or into, None where it leads to something else."""
+    keys = [step for step in location if isinstance(step, str)]
+    return _MATRIX_REMEDIES.get(keys[-1]) if keys else None
 
 
 def fault_of(detail: ErrorDetails) -> str:
@@ -115,6 +135,8 @@ def fault_of(detail: ErrorDetails) -> str:
     if detail["type"] == "string_pattern_mismatch":
         is_null = "\0" in detail["input"]
         fault = "no path holds a null character" if is_null else f"this is not of the form {detail['ctx']['pattern']}"
+    if detail["type"] == "too_long" and not isinstance(detail["input"], str):
+        fault = f"at most {detail['ctx']['max_length']} items are allowed, not {len(detail['input'])}"
     return f"{truncate_repr(detail['input'])}: {fault}"
 
 

@@ -102,21 +102,29 @@ class Pose(_Strict):
 
     @model_validator(mode="after")
     def _is_rigid(self) -> Self:
-        rows = self.camera_to_world
-        if rows is not None and not (rows[3] == (0, 0, 0, 1) and _is_rotation([row[:3] for row in rows[:3]])):
-            raise PydanticCustomError(
-                "rigid", "camera_to_world must be [[R, t], [0, 0, 0, 1]] with a rotation R, neither scaled nor mirrored"
-            )
+        if (rows := self.camera_to_world) is not None:
+            if rows[3] != (0, 0, 0, 1):
+                raise PydanticCustomError("last_row", "the last row of camera_to_world must be 0, 0, 0, 1")
+            _check_rotation([row[:3] for row in rows[:3]])
         return self
 
 
-def _is_rotation(rows: Sequence[Sequence[float]]) -> bool:
-    """Return whether three rows of three are orthonormal and right-handed, to ROTATION_TOLERANCE."""
+def _check_rotation(rows: Sequence[Sequence[float]]) -> None:
+    """Check that three rows of three are orthonormal and right-handed, to ROTATION_TOLERANCE.
+
+    Raises:
+        PydanticCustomError: they are scaled, skewed or mirrored.
+    """
     products = [sum(a * b for a, b in zip(rows[i], rows[j], strict=True)) for i in range(3) for j in range(3)]
     (a, b, c), (d, e, f), (g, h, k) = rows
     determinant = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
     errors = [abs(product - (index % 4 == 0)) for index, product in enumerate(products)]
-    return max(errors) < ROTATION_TOLERANCE and abs(determinant - 1) < ROTATION_TOLERANCE
+    if max(errors) >= ROTATION_TOLERANCE:
+        lengths = ", ".join(f"{math.hypot(*column):.3g}" for column in zip(*rows, strict=True))
+        message = "the first three columns must be at right angles and of length 1; their lengths are {lengths}"
+        raise PydanticCustomError("not_orthonormal", message, {"lengths": lengths})
+    if abs(determinant - 1) >= ROTATION_TOLERANCE:
+        raise PydanticCustomError("mirrored", "the axes in the first three columns are mirrored")
 
 
 MIN_DISTANCE_RATIO = 0.1

@@ -30,6 +30,7 @@ MAX_DEPTH = 32
 """Levels of nesting that are read."""
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _TAB = re.compile(r"\s*\t")
+_ESCAPE = re.compile("hex|escape character")
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _CONSTANTS = {
@@ -92,6 +93,9 @@ def parse(text: str, file: str, kind: Kind) -> tuple[Any, list[Diagnostic]]:
         remedy = "fix the line, and check its indentation"
         if mark and _TAB.match(text[mark.index - mark.column : mark.index + 1]):
             cause, remedy = "a tab indents the line", "indent with spaces"
+        elif _ESCAPE.search(cause):
+            cause = "a backslash between double quotes begins an escape"
+            remedy = "write the text between single quotes, or a path with /"
         builder.report(mark.line + 1 if mark else 1, f"this is not YAML: {cause}", remedy)
     except ValueError as error:
         cause = str(error)

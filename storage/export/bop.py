@@ -19,6 +19,7 @@ from glint.storage.errors import StoreError
 from glint.storage.export.axes import OPENCV_FROM_CAMERA
 from glint.storage.export.image_files import write_png
 from glint.storage.export.mesh_files import Mesh, write_ply
+from glint.storage.export.placed_depth import placed_on_model
 from glint.storage.export.point_cloud import MAX_SLOPE_DEG, has_surface
 from glint.storage.export.stored_capture import ExportedCapture
 
@@ -37,13 +38,16 @@ _ABOUT = """# {object_id}, {version}
 Exported by Glint in the format of BOP datasets (scene-wise), split `train`.
 
 - The models are reconstructions, not scans or CAD models: see each capture's confidence in the other exports.
-- `depth` is the reconstruction's, not a sensor's. Distances are those at which a pixel covers the capture's pixel size;
-  each connected component has a scale of its own that one view cannot show.
+- `depth` is the reconstruction's, not a sensor's. {distances}
 - Depth is 0 where the surface is steeper than {slope:.0f} degrees: only the silhouette is known there.
 - Depth and masks are full frames. Versions hold no frames of the videos: put one per image at `rgb/IMAGE.png`.
 
 Images: {images}
 """
+
+_ON_MODEL = "Each connected component is at the distance of the model."
+_AT_PIXEL_SIZE = """Distances are those at which a pixel covers the capture's pixel size;
+  each connected component has a scale of its own that one view cannot show."""
 
 
 @dataclass(slots=True)
@@ -123,7 +127,13 @@ def write_bop(
     _write_json(folder / "models" / "models_info.json", infos)
     _write_json(folder / "camera.json", _sensor(usable[0], objects[0].cameras))
     images = "; ".join(f"{image:06d} is capture {capture.name}" for image, capture in enumerate(usable))
-    about = _ABOUT.format(object_id=object_id, version=version, images=images, slope=MAX_SLOPE_DEG)
+    about = _ABOUT.format(
+        object_id=object_id,
+        version=version,
+        images=images,
+        slope=MAX_SLOPE_DEG,
+        distances=_AT_PIXEL_SIZE if merged is None else _ON_MODEL,
+    )
     (folder / "dataset_info.md").write_text(about, encoding="utf-8")
 
 
@@ -133,6 +143,8 @@ def _write_image(folder: Path, entry: BopObject, image: int, capture: ExportedCa
     assert camera.matrix is not None and camera.distance is not None
     is_known = capture.mask & has_surface(camera, capture.depth, capture.normals)
     ahead = np.where(is_known, camera.distance - capture.depth.astype(float), np.nan)
+    if posed:
+        ahead = placed_on_model(ahead, camera, entry.mesh)
     scale = _depth_scale(ahead, capture.name)
     depth = _full_frame(np.rint(np.nan_to_num(ahead) / scale).astype(np.uint16), capture)
     mask = _full_frame(capture.mask, capture)

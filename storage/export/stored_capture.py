@@ -24,6 +24,8 @@ ARRAYS = {
     "half_vectors": ("lights", "half_vectors"),
     "reason": ("lights", "reason"),
     "observations": ("clusters", "observations"),
+    "candidates": ("clusters", "normals"),
+    "labels": ("labels", "labels"),
 }
 """Stage and array of what readers and exports call by one name."""
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from itertools import takewhile
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 
@@ -72,13 +73,21 @@ def _numbered_rows(address: Address) -> tuple[str, int, int, list[tuple[int, str
         InputError: there is no count, or no row.
     """
     location = locate(address)
-    lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
+    lines = _decode(read_bytes(location, MAX_TEXT_BYTES)).splitlines()
     rows = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
         raise InputError(f"{location.uri}:1: this is not a count", "write the number of lights into the first line")
     if len(rows) == 1:
         raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
     return location.uri, rows[0][0], int(rows[0][1]), rows[1:]
+
+
+def _decode(data: bytes) -> str:
+    """Decode UTF-8 or else the Western European code page in which RTIBuilder writes names on Windows."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
 
 
 def _parsed_rows(
@@ -190,4 +199,5 @@ def _stem(name: str) -> str:
 
 
 def _base(name: str) -> str:
-    return name.replace("\\", "/").rpartition("/")[2]
+    # macOS stores an accent in a name as a character of its own.
+    return normalize("NFC", name.replace("\\", "/").rpartition("/")[2])

@@ -26,9 +26,15 @@ __all__ = [
     "read_truth",
 ]
 
+Shape = tuple[int | None, ...]
+"""Lengths of an array's axes; None: any."""
 _MAX_ARRAY_BYTES = 4_000_000_000
 _MAX_LENGTH_ERROR = 0.1
 """Error of a unit vector's length; those that 8 bits store are off by 0.01."""
+_MAX_RISE = 1.4
+"""Factor by which true depth and true normals may differ: beyond it the depth is in another unit."""
+_MIN_COSINE, _MIN_SLOPE, _MIN_SLOPES = 0.5, 0.1, 50
+"""Least z of normals that are compared with depth, least slope in pixels per pixel, and least number of them."""
 
 
 def read_mask(address: Address, frame_size: tuple[int, int], region: Region | None = None) -> np.ndarray:
@@ -71,21 +77,25 @@ class Truth:
     lights: np.ndarray | None
 
 
-def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
+def read_truth(
+    folder: Address, shape: tuple[int, ...] | None = None, frame: tuple[tuple[int, int], Region] | None = None
+) -> Truth:
     """Read normals.npy, depth.npy and lights.npy of a folder as float32; those that are missing become None.
 
     Outside the object many data sets hold zeros; such normals become NaN.
 
-    shape: (H, W) of the region.
+    shape: (H, W) of the region. frame: (height, width) of the full frame, and the region in it; arrays of the full
+    frame are then cropped to the region.
 
     Raises:
         InputError: all are missing, or one is malformed, of another size, or holds no normals of this camera frame.
     """
     location = locate(folder)
-    shapes: dict[str, tuple[int | None, ...]] = {
-        "normals": (*(shape or (None, None)), 3),
-        "depth": shape or (None, None),
-        "lights": (None, 3),
+    sizes = [size for size in (shape or (None, None), frame and frame[0]) if size is not None]
+    shapes: dict[str, list[Shape]] = {
+        "normals": [(*size, 3) for size in sizes],
+        "depth": [tuple(size) for size in sizes],
+        "lights": [(None, 3)],
     }
     arrays: dict[str, np.ndarray | None] = {}
     for name, expected in shapes.items():
@@ -96,10 +106,15 @@ def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
                 raise
             arrays[name] = None
             continue
-        arrays[name] = _decode_array(data, expected, location.child(f"{name}.npy").uri)
+        array = _decode_array(data, expected, location.child(f"{name}.npy").uri)
+        if frame is not None and name != "lights" and array.shape[:2] == frame[0]:
+            array = array[frame[1].rows, frame[1].columns]
+        arrays[name] = array
     if arrays["normals"] is not None:
         _check_normals(arrays["normals"], location.child("normals.npy").uri)
         arrays["normals"][(arrays["normals"] == 0.0).all(axis=-1)] = np.nan
+        if arrays["depth"] is not None:
+            _check_depth(arrays["depth"], arrays["normals"], location.child("depth.npy").uri)
     if all(array is None for array in arrays.values()):
         raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
     return Truth(**arrays)
@@ -121,8 +136,23 @@ def _check_normals(normals: np.ndarray, uri: str) -> None:
         )
 
 
-def _decode_array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
-    """Decode the bytes of a .npy file of a shape (None: any length) as float32; nothing in it is executed."""
+def _check_depth(depth: np.ndarray, normals: np.ndarray, uri: str) -> None:
+    """Check that true depth (H, W) rises as the true normals (H, W, 3) show: in pixels, towards the camera."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slopes = normals[..., 1::-1] / normals[..., 2:] * (1.0, -1.0)
+        steep = (slopes**2).sum(axis=-1)
+        rises = (np.stack(np.gradient(depth), axis=-1) * slopes).sum(axis=-1) / steep
+        rises = rises[(normals[..., 2] > _MIN_COSINE) & (steep > _MIN_SLOPE**2) & np.isfinite(rises)]
+    rise = float(np.median(rises)) if rises.size >= _MIN_SLOPES else 1.0
+    if rise < 0:
+        raise InputError(f"{uri} falls where the normals show that it rises", "count depth towards the camera")
+    if not 1 / _MAX_RISE < rise < _MAX_RISE:
+        remedy = "give depth in pixels: divide millimetres by the millimetres that a pixel covers"
+        raise InputError(f"{uri} rises {rise:.3g} times as much as the normals show", remedy)
+
+
+def _decode_array(data: bytes, shapes: Sequence[Shape], uri: str) -> np.ndarray:
+    """Decode the bytes of a .npy file of one of these shapes as float32; nothing in it is executed."""
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
@@ -130,11 +160,10 @@ def _decode_array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.nd
         lengths, is_fortran, dtype = reader(stream)
     except (ValueError, SyntaxError, TypeError, tokenize.TokenError, RecursionError, MemoryError) as error:
         raise InputError(f"{uri} is no NumPy array", "save it with numpy.save") from error
-    if len(lengths) != len(shape) or any(
-        expected not in (None, length) for expected, length in zip(shape, lengths, strict=True)
-    ):
-        expected_shape = " x ".join("any" if length is None else str(length) for length in shape)
-        raise InputError(f"{uri} has shape {' x '.join(map(str, lengths))}", f"it must be {expected_shape}")
+    if not any(_fits(lengths, shape) for shape in shapes):
+        of = [""] if len(shapes) == 1 else [", rows x columns of the region,", " of the full frame"]
+        expected = " or ".join(_dimensions(shape) + words for shape, words in zip(shapes, of, strict=True))
+        raise InputError(f"{uri} has shape {_dimensions(lengths)}", f"it must be {expected}")
     if dtype.kind not in "fiu":
         raise InputError(f"{uri} holds values of type {dtype}", "save numbers")
     count = math.prod(lengths)
@@ -142,6 +171,14 @@ def _decode_array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.nd
         raise InputError(f"{uri} is truncated or empty", "copy it again")
     flat = np.frombuffer(data, dtype, count, stream.tell())
     return flat.reshape(lengths, order="F" if is_fortran else "C").astype(np.float32)
+
+
+def _fits(lengths: Sequence[int], shape: Shape) -> bool:
+    return len(lengths) == len(shape) and all(b in (None, a) for a, b in zip(lengths, shape, strict=True))
+
+
+def _dimensions(shape: Shape) -> str:
+    return " x ".join("any" if length is None else str(length) for length in shape)
 
 
 def _size(shape: Sequence[int]) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.stages.capture_geometry import load_geometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +24,13 @@ class CaptureTruth:
 def load_truth(work: CaptureContext, shape: tuple[int, ...]) -> CaptureTruth | None:
     """Read the ground truth of a capture whose region has a shape (H, W); None where it has no true normals.
 
+    Arrays of the full frame are cropped to the region.
+
     Raises:
         InputError: it is malformed, or of another region.
     """
     if work.capture.truth is None:
         return None
-    truth = read_truth(work.capture.truth, shape)
+    geometry = load_geometry(work)
+    truth = read_truth(work.capture.truth, shape, (geometry.frame_size[::-1], geometry.region))
     return None if truth.normals is None else CaptureTruth(truth.normals, truth.depth)

@@ -79,7 +79,7 @@ def picture_page(
 def file_lines(location: Location, object_id: str, files: Mapping[str, FileInfo]) -> list[str]:
     """Return the table of an object's files and the command that exports them."""
     rows = [f"| {plain(name)} | {file.size / 1e3:,.0f} kB |" for name, file in sorted(files.items())]
-    command = f"glint export {object_id} --out {object_id} --store {quote(location.uri)}"
+    command = f"glint export {object_id} --out {object_id}-export --store {quote(location.uri)}"
     lines = ["## Files", "", "| file | size |", "|---|---:|", *rows, ""]
     return [
         *lines,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import REFINEMENT_ROUNDS, STEPS_PER_ROUND, reconstruct_surface
 from glint.tasks.algorithms.registration.registered_views import refine
@@ -15,6 +16,7 @@ from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_output
 from glint.tasks.model.model_unit import checked_unit, unit_of_model
 from glint.tasks.model.pose_doubts import doubted_model
+from glint.tasks.model.same_videos import same_video_warnings, with_same_videos
 from glint.tasks.model.view_registration import register_views, relabelled
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
@@ -53,7 +55,11 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
         if work not in usable
     ]
     sphere_doubts = deviating_spheres(surveyed_spheres(usable))
-    registered = register_views(by_name, sphere_doubts)
+    same_videos = same_video_warnings(usable)
+    try:
+        registered = register_views(by_name, sphere_doubts)
+    except UnusableCapture as error:
+        raise with_same_videos(error, same_videos) from error
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
     unit, unit_warnings = checked_unit(registered, unit)
     parameters = works[0].parameters.model
@@ -75,7 +81,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     assert surface is not None
     surface, pose_doubts = doubted_model(surface, views, registered, parameters.most_triangles)
     output = model_output(registered, surface, unit, sphere_doubts, base, pose_doubts)
-    return replace(output, warnings=[*output.warnings, *unit_warnings])
+    return replace(output, warnings=[*output.warnings, *unit_warnings, *same_videos])
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

@@ -94,10 +94,12 @@ class SampleRecorder(FootageWrapper):
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
         brightest = float(self._peak.max() * scale)
         if brightest < MIN_BRIGHTEST:
-            raise UnusableFrames(
-                f"{self.uri} is dark: its brightest pixel has the level {brightest:.0f} of 255",
-                "take the cap off the lens, light the object, or expose so that highlights clip",
-            )
+            message = f"{self.uri} is dark: its brightest pixel has the level {brightest:.0f} of 255"
+            remedy = "take the cap off the lens, light the object, or expose so that highlights clip"
+            if self.bits > 8 and self._footage.names:
+                message += f" ({self._peak.max()} of 65,535)"
+                remedy = f"if its images have 12 bits or fewer, multiply them by 16 or more; else {remedy}"
+            raise UnusableFrames(message, remedy)
         some = eight_bits(spread(np.stack(self._kept), FIT_FRAMES))
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
 

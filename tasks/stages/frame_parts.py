@@ -57,10 +57,13 @@ def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
     for sphere in spheres:
         # Whoever drew the circle may be off by a pixel.
         if not replace(sphere, radius=sphere.radius - 1.0).is_inside(size[1], size[0]):
+            remedy = "correct it (pixels of the full frame, y down), or leave it out to have it found"
+            if 0 <= sphere.x < size[1] and 0 <= sphere.y < size[0]:
+                remedy = f"if the frame cuts the sphere off, record again with all of it in the frame; else {remedy}"
             raise MisplacedSphere(
                 f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
                 f" {size[1]} x {size[0]} pixels",
-                "correct it (pixels of the full frame, y down), or leave it out to have it found",
+                remedy,
             )
 
 

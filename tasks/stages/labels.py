@@ -142,13 +142,15 @@ def _confidence(
 
 def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> LightDoubt:
     """Return the doubt about lights of an `.lp` file; those that the spheres show have the axes of the video."""
-    if inputs.load("lights").record["source"] != FILE:
+    lights = inputs.load("lights")
+    if lights.record["source"] != FILE:
         return LightDoubt()
     mask, view = inputs.load("mask").read("mask"), load_geometry(inputs).view_vectors
     candidates = rotate_to_view(clusters.normals, view)
     expected = rotate_to_view(inputs.load("silhouette").read("initial"), view)
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius_of(mask)))
+    count = int(np.isfinite(lights.read("half_vectors")[:, 0]).sum())
+    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius_of(mask)), count)
 
 
 def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:

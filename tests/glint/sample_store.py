@@ -65,18 +65,23 @@ def save_sphere(
     matrix: Any = None,
     scale_known: bool = True,
     camera_recorded: bool = False,
+    depth_factor: float = 1.0,
 ) -> dict[str, Any]:
-    """Save all stages of a capture of a sphere; its arrays and points. Its camera: orthographic, or of this matrix."""
+    """Save all stages of a capture of a sphere; its arrays and points. Its camera: orthographic, or of this matrix.
+
+    depth_factor: by which a perspective camera's distances are wrong, as one view leaves their scale open.
+    """
     distance = None if matrix is None else 200.0
     sphere = sphere or Sphere((0.0, 0.0, 0.0 if matrix is None else -200.0), 6.0)
     points = sphere_points(sphere, matrix)
     mask = np.isfinite(points).all(axis=-1)
-    depth = (points[..., 2] + (distance or 0.0)).astype(np.float32)
+    depth = (depth_factor * points[..., 2] + (distance or 0.0)).astype(np.float32)
     normals = ((points - np.array(sphere.centre)) / sphere.radius).astype(np.float32)
     arrays = capture_arrays(height=36, width=40)
     confidence = np.where(mask, np.where(normals[..., 2] > 0.8, 0.97, 0.4), np.nan).astype(np.float32)
     arrays["mask"] = {"mask": mask}
     arrays["labels"] |= {"normals": normals, "confidence": confidence, "provenance": mask.astype(np.uint8)}
+    arrays["labels"]["labels"][1:] = 0
     arrays["silhouette"] = {"rim": mask, "initial": normals}
     arrays["depth"] = {"depth": depth, "provenance": mask.astype(np.uint8)}
     unit, pixel_size = ("mm", 0.5) if scale_known else ("pixels", None)

@@ -10,6 +10,7 @@ from glint.storage.export.point_cloud import has_surface
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from tests.glint.sample_store import MATRIX, Sphere, entry, save_model, save_sphere, sphere_points
+from tests.storage.stores import capture_arrays
 
 
 def test_four_lines_lead_from_an_address_to_arrays(store: Path) -> None:
@@ -94,6 +95,8 @@ def test_arrays_are_those_stored(store: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(capture.depth_provenance, saved["mask"])
     assert capture.depth_provenance_names[1] == "integrated"
     np.testing.assert_array_equal(capture.initial_normals, saved["normals"])
+    np.testing.assert_array_equal(capture.candidates, capture_arrays(height=36, width=40)["clusters"]["normals"])
+    assert [layer.all() for layer in capture.accepted_candidates] == [True, False, False]
     assert capture.provenance_names[1] == "observed" and (capture.observed <= capture.mask).all()
     assert (capture.region.x, capture.region.width, capture.region.rows) == (12, 40, slice(6, 42))
     assert (capture.unit, capture.pixel_size, capture.camera_matrix, capture.pose) == ("mm", 0.5, None, None)

@@ -138,7 +138,7 @@ def test_a_bop_dataset_of_a_merged_model(cup: ObjectRepository, tmp_path: Path) 
     poses = {"near": np.eye(4), "far": np.diag([-1.0, 1.0, -1.0, 1.0])}
     poses["near"][2, 3], poses["far"][2, 3] = 200.0, -200.0
     for name in (*shapes, "lost"):
-        save_sphere(cup, name, shapes.get(name), MATRIX)
+        save_sphere(cup, name, shapes.get(name), MATRIX, depth_factor=1.03 if name == "far" else 1.0)
     views = [{"capture": name, "camera_to_world": pose.tolist()} for name, pose in poses.items()]
     save_model(cup, Sphere((1.0, 2.0, 3.0), 6.0), views)
     captures = {name: entry(MATRIX, pose={"turntable": 0.0}) for name in (*shapes, "lost")}

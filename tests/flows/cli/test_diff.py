@@ -1,6 +1,6 @@
 """The table of `glint diff`: figures with their units."""
 
-from glint.flows.cli.diff import diff_row
+from glint.flows.cli.diff import diff_row, in_yaml
 
 FIGURES = {
     "capture": "front",
@@ -22,3 +22,7 @@ def test_figures_have_their_units() -> None:
 def test_versions_without_a_common_pixel_leave_cells_empty() -> None:
     missing = {name: None for name in FIGURES if name not in ("capture", "pixels", "unit of depth")}
     assert list(diff_row({**FIGURES, "pixels": 0, **missing}).values()) == ["front", 0, "", "", "", "", ""]
+
+
+def test_changed_values_are_shown_as_a_catalogue_gives_them() -> None:
+    assert [in_yaml(value) for value in (None, True, 0.7, "sheets")] == ["null", "true", 0.7, "sheets"]

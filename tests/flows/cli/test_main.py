@@ -107,6 +107,7 @@ def test_a_run_says_what_it_waits_for(killed: list[dict[str, Any]], started: str
 
 def test_a_killed_run_continues_where_it_stopped(ran: subprocess.CompletedProcess[str]) -> None:
     assert "missing.mp4" in ran.stdout and "->" in ran.stdout and "v1" in ran.stdout
+    assert "next: glint export hemisphere --out hemisphere-export" in ran.stdout, "not the folder of its videos"
     for stage in ("survey", "frames", "lights"):
         assert f"hemisphere/front  {stage}  up to date" in ran.stderr
     assert "hemisphere/front  surface  done in" in ran.stderr

@@ -593,7 +593,7 @@ ROWS = (
         "catalogue",
         "camera of four numbers",
         ONE + ", camera: {matrix: [[1, 2], [3, 4]]}}\n",
-        "DIR/catalogue.yaml:6: objects[0].captures[0].camera.matrix[0][2] is missing: add it",
+        "DIR/catalogue.yaml:6: objects[0].captures[0].camera.matrix[0][2] is missing: write three rows",
     ),
     Hostile(
         "catalogue",

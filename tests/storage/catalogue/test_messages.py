@@ -50,6 +50,11 @@ def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path:
                 assert not any(word in fault for word in FOREIGN), line
 
 
+def _pose(x: float, y: float, z: float) -> list[list[float]]:
+    """A pose matrix with these numbers on the diagonal of its first three columns."""
+    return [[x, 0, 0, 0], [0, y, 0, 0], [0, 0, z, 0], [0, 0, 0, 1]]
+
+
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
@@ -57,6 +62,20 @@ def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path:
         ("region: [1, 2, 3, 4]", "write keys and values: x, y, width, height"),
         ("camera: {fx: 2900}", "unknown key 'fx' in objects[0].captures[0].camera: the only key is matrix"),
         ("frames: [a.png, b.png]", "write one path; a folder, or shots/*.png, names several files"),
+        ('mask: "C:\\Users\\me\\mask.png"', "write the text between single quotes, or a path with /"),
+        ("camera: {matrix: [500, 0, 120, 0, 500, 72, 0, 0, 1]}", "at most 3 items are allowed, not 9: write three"),
+        ("camera: {matrix: [[500, 0, 120], [0, 500, 72]]}", "camera.matrix[2] is missing: write three rows of three"),
+        ("camera: {distortion_coefficients: [0.1]}", "lens distortion is not modelled: undistort the frames"),
+        (f"pose: {{camera_to_world: {_pose(2, 2, 2)}}}", "their lengths are 2, 2, 2: give a rotation there"),
+        (f"pose: {{camera_to_world: {_pose(1, -1, 1)}}}", "are mirrored: negate one of these columns"),
+        (
+            "pose: {camera_to_world: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [5, 6, 7, 1]]}",
+            "the last row of camera_to_world must be 0, 0, 0, 1: transpose the matrix",
+        ),
+        (
+            "pose: {camera_to_world: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}",
+            "camera_to_world[3] is missing: write four rows of four numbers, the last one [0, 0, 0, 1]",
+        ),
     ],
 )
 def test_a_remedy_shows_what_to_write(entry: str, says: str, tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """What lies beside the frames is checked: masks, lights, markup, truth."""
 
 import json
+import unicodedata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -135,6 +136,16 @@ def test_lights_match_images_by_name(tmp_path: Path, rows: tuple[str, str]) -> N
 def test_names_may_hold_spaces_tabs_and_other_letters(tmp_path: Path) -> None:
     path = _lights(tmp_path, "\ufeff2\r\n\r\nmy photo 1.png\t1 0 0\r\nphoto é.png   0 1 0\r\n\r\n")
     assert read_lights(path, ["photo é.png", "my photo 1.png"]).tolist() == [[0, 1, 0], [1, 0, 0]]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_names_with_umlauts_match_in_the_encodings_of_all_systems(
+    tmp_path: Path, encoding: str, form: Literal["NFC", "NFD"]
+) -> None:
+    (tmp_path / "a.lp").write_bytes("2\r\nC:\\rti\\Größe 2.jpg 1 0 0\r\nGröße 1.jpg 0 1 0\r\n".encode(encoding))
+    names = [unicodedata.normalize(form, name) for name in ("Größe 1.jpg", "Größe 2.jpg")]
+    assert read_lights(tmp_path / "a.lp", names).tolist() == [[0, 1, 0], [1, 0, 0]]
 
 
 def test_more_rows_than_images_are_chosen_by_name(tmp_path: Path) -> None:

@@ -134,13 +134,15 @@ def test_photographs_of_which_most_are_copies_are_too_few_and_the_copies_named(t
         SampleRecorder(footage, 100, lambda done, total: None).sample()
 
 
-def test_a_dark_video_is_named_as_dark(tmp_path: Path) -> None:
-    write_images(tmp_path, [np.full((40, 60), 200 * level, np.uint16) for level in range(9)], "{}.png")
-    with (
-        open_footage(tmp_path) as footage,
-        pytest.raises(UnusableFrames, match=r"is dark: its brightest pixel has the level 6 of 255"),
-    ):
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_dark_images_are_named_as_dark_and_few_bits_are_asked_after(kind: type, tmp_path: Path) -> None:
+    step = 1 if kind == np.uint8 else 500
+    write_images(tmp_path, [np.full((40, 60), step * level, kind) for level in range(9)], "{}.png")
+    with open_footage(tmp_path) as footage, pytest.raises(UnusableFrames) as raised:
         SampleRecorder(footage, 100, lambda done, total: None).sample()
+    level = "8 of 255" if kind == np.uint8 else "16 of 255 (4000 of 65,535)"
+    assert raised.value.message.endswith(f"is dark: its brightest pixel has the level {level}")
+    assert ("12 bits" in raised.value.remedy) == (kind == np.uint16)
 
 
 def test_two_photographs_are_too_few(tmp_path: Path) -> None:

@@ -56,6 +56,15 @@ def test_a_sphere_may_touch_the_edge_of_the_frame_and_not_leave_it(x: float, y: 
         check_spheres([Sphere(40.0, 30.0, 10.0), Sphere(x + outward[0], y + outward[1], 10.0)], SIZE)
 
 
+def test_a_sphere_that_the_frame_cuts_off_is_to_be_recorded_again() -> None:
+    with pytest.raises(MisplacedSphere) as cut:
+        check_spheres([Sphere(75.0, 30.0, 10.0)], SIZE)
+    assert cut.value.remedy.startswith("if the frame cuts the sphere off, record again")
+    with pytest.raises(MisplacedSphere) as beside:
+        check_spheres([Sphere(400.0, 30.0, 10.0)], SIZE)
+    assert beside.value.remedy.startswith("correct it")
+
+
 def test_a_region_lies_inside_the_frame_and_can_hold_an_object() -> None:
     check_region(Region(x=50, y=40, width=30, height=20), SIZE)
     for region in (Region(x=51, y=40, width=30, height=20), Region(x=50, y=41, width=30, height=20)):

@@ -3,12 +3,12 @@
 import pytest
 
 from glint.tasks.algorithms.labelling.light_evidence import LightEvidence
-from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
+from glint.tasks.stages.light_doubt import MIN_TELLING_LIGHTS, LightDoubt, doubt_lights
 
 
 def test_right_lights_cost_nothing() -> None:
-    assert doubt_lights(LightEvidence("y negated", 0.8, 1.0, 0.5, 1.5)) == LightDoubt()
-    assert doubt_lights(LightEvidence("y negated", 0.8, 6.0, 2.5, 1.5)) == LightDoubt(), "within its error"
+    assert doubt_lights(LightEvidence("y negated", 0.8, 1.0, 0.5, 1.5), 900) == LightDoubt()
+    assert doubt_lights(LightEvidence("y negated", 0.8, 6.0, 2.5, 1.5), 900) == LightDoubt(), "within its error"
 
 
 @pytest.mark.parametrize(
@@ -24,14 +24,22 @@ def test_right_lights_cost_nothing() -> None:
     ],
 )
 def test_lights_that_are_wrong_everywhere_leave_nothing_confident(evidence: LightEvidence, text: str) -> None:
-    doubt = doubt_lights(evidence)
+    doubt = doubt_lights(evidence, MIN_TELLING_LIGHTS)
     (warning,) = doubt.warnings
     assert text in warning.message and ".lp" in warning.message
     assert (warning.cause, doubt.share < 0.5) == ("light", True) and warning.cost_deg > 5.0
 
 
 def test_a_turn_costs_its_angle() -> None:
-    doubt = doubt_lights(LightEvidence("y negated", 0.5, -10.0, 0.5, 1.0))
+    doubt = doubt_lights(LightEvidence("y negated", 0.5, -10.0, 0.5, 1.0), 900)
     assert doubt.share == 1.0 and doubt.half_vector_sd == pytest.approx(0.1745, abs=1e-3)
     assert "turned by -10 degrees" in doubt.warnings[0].message
     assert doubt.warnings[0].cost_deg == pytest.approx(10.0)
+
+
+def test_few_lights_that_show_no_surface_are_not_called_wrong() -> None:
+    evidence = LightEvidence("y negated", 0.5, 0.0, 1.0, -0.5)
+    few, many = (doubt_lights(evidence, MIN_TELLING_LIGHTS - more) for more in (1, 0))
+    assert few.share == many.share < 0.5
+    assert few.warnings[0].message.startswith("199 known lights are too few to show that they are right")
+    assert (few.warnings[0].cause, many.warnings[0].cause) == ("coverage", "light")
