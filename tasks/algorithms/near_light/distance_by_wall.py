@@ -17,9 +17,9 @@ NEAR_DEG = 8.0
 """Angle from the wall's normal up to which an accepted normal is the wall's."""
 MIN_WALL_NORMALS = 200
 """Accepted normals from which the distance is measured."""
-AXIS_ERROR_DEG, OVALITY = 0.3, 0.01
-"""Standard deviations of the angle by which a wrong axis turns all circles, and of the share by which the depth of a
-body differs from its width."""
+AXIS_ERROR_DEG, OVALITY = 0.3, 0.02
+"""Standard deviations of the angle by which a wrong axis turns all circles, and of the share by which a body is longer
+than wide across its axis, as hand-made glass is, along the view or aslant to it."""
 MIN_NZ = 0.2
 """Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 ROBUST_ROUNDS, OUTLIER_DEVIATIONS = 4, 4.0
@@ -80,14 +80,18 @@ def distance_by_wall(wall: WallNormals, sphere_sd: float) -> DistanceChange | No
     count = len(wall.accepted)
     if count < MIN_WALL_NORMALS:
         return None
+    # Sine and cosine of the place on the circle, as seen from the axis.
+    sine = -_dot(wall.tangents, wall.view)
+    cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))
     columns = [
         _dot(wall.tangents, turned_by_light(wall.accepted, wall.view, -wall.offsets)),
         *(_by_component(wall.accepted, wall.tangents, axis) for axis in (0, 1)),
-        _dot(wall.tangents, wall.view) * np.sqrt(np.maximum(1.0 - _dot(wall.tangents, wall.view) ** 2, 0.0)),
+        sine * cosine,
+        0.5 * (cosine**2 - sine**2),
     ]
     matrix, residual = np.stack(columns, axis=1), _dot(wall.tangents, wall.expected - wall.accepted)
     turn = 1.0 / np.hypot(sphere_sd, np.radians(AXIS_ERROR_DEG)) ** 2
-    precision = np.array([0.0, turn, turn, 1.0 / OVALITY**2])
+    precision = np.array([0.0, turn, turn, OVALITY**-2, OVALITY**-2])
     if not np.abs(columns[0]).max() > 0.0:
         return None
     change, deviation = _robust_fit(matrix, residual, precision)

@@ -46,7 +46,7 @@ def test_normals_are_those_of_the_corrected_light(glass: CaptureContext) -> None
     saved = glass.load("labels")
     error, is_confident = angles(saved.read("normals"), truth), saved.read("confidence") >= CONFIDENT
     assert is_confident.mean() > 0.05
-    assert np.median(error[is_confident]) < 0.8
+    assert np.median(error[is_confident]) < 1.2
 
 
 def test_the_view_is_that_which_was_labelled(glass: CaptureContext) -> None:
