@@ -37,7 +37,7 @@ from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
 from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
-from glint.tasks.stages.wall_distance import WallDistance, wall_distance, with_distance
+from glint.tasks.stages.wall_distance import MAX_CORRECTIONS, WallDistance, wall_distance, with_distance
 
 CHANGED_SCENE_SHARE = 0.5
 """Share of the normals that can be trusted where a part of the frames shows another scene: of two such captures 43 and
@@ -84,12 +84,7 @@ def _with_distance(results: CaptureResults, view: LabelledView, change: float) -
 
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
-    view, readmission = _load_view(inputs), has_readmission(inputs.field("pose"))
-    result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
-    distance = wall_distance(inputs, view.clusters.normals, result)
-    if distance is not None and distance.change != 0.0:
-        view = _with_distance(inputs, view, distance.change)
-        result = reconstruct(view, inputs.parameters, inputs.parameters_of("silhouette"), readmission=readmission)
+    view, result, distance = _labelled(inputs)
     light_doubt = _light_doubt(inputs, view.clusters, result.labels)
     camera_doubt = _camera_doubt(inputs, view.clusters, result.labels)
     confidence = _confidence(inputs, view.mask, result, light_doubt, camera_doubt, distance)
@@ -114,6 +109,22 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
         warnings=[*light_doubt.warnings, *camera_doubt.warnings, *(() if distance is None else distance.warnings)],
     )
+
+
+def _labelled(inputs: StageInputs) -> tuple[LabelledView, Reconstruction, WallDistance | None]:
+    """Return the view, its reconstruction, and the light's distance by its wall, if any, for which it is corrected."""
+    silhouette, readmission = inputs.parameters_of("silhouette"), has_readmission(inputs.field("pose"))
+    uncorrected = view = _load_view(inputs)
+    result = reconstruct(view, inputs.parameters, silhouette, readmission=readmission)
+    distance, applied = wall_distance(inputs, view.clusters.normals, result, 0.0), 0.0
+    for _ in range(MAX_CORRECTIONS):
+        if distance is None or distance.change == applied:
+            break
+        applied = distance.change
+        view = _with_distance(inputs, uncorrected, applied)
+        result = reconstruct(view, inputs.parameters, silhouette, readmission=readmission)
+        distance = wall_distance(inputs, view.clusters.normals, result, applied) or distance
+    return view, result, distance and replace(distance, change=applied)
 
 
 def _confidence(

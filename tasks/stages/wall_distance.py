@@ -30,6 +30,8 @@ CONTRADICTED_DEVIATIONS = 3.0
 MIN_CORRECTION_DEG = 0.2
 """Angle per axis by which the change must turn half vectors at the farthest pixel, for labels to be made again: smaller
 ones, and those within a standard deviation, are left and count as an error."""
+MAX_CORRECTIONS = 3
+"""Times that labels are made again: where the light was far off, the wall is found better with each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +47,13 @@ class WallDistance:
     warnings: Sequence[StageWarning] = ()
 
 
-def wall_distance(results: CaptureResults, normals: np.ndarray, labelled: Reconstruction) -> WallDistance | None:
+def wall_distance(
+    results: CaptureResults, normals: np.ndarray, labelled: Reconstruction, applied: float
+) -> WallDistance | None:
     """Measure the light's distance by the wall that a reconstruction found; None where it is known, or without a wall.
 
-    normals: (K, H, W, 3), candidates of the reconstruction in the camera frame.
+    normals: (K, H, W, 3), candidates of the reconstruction in the camera frame; applied: change of the inverse
+    distance, 1/pixels, that they are corrected for.
     """
     lights, geometry = results.load("lights").record, load_geometry(results)
     known_sd = lights["inverse_distance_sd"]
@@ -66,19 +71,21 @@ def wall_distance(results: CaptureResults, normals: np.ndarray, labelled: Recons
         return None
     near = lights["near_light"]
     known = 0.0 if near is None else 1.0 / float(near["distance"])
-    return combined_distance(geometry, known, DistanceChange(0.0, float(known_sd)), measured)
+    measured = measured._replace(change=applied + measured.change)
+    return combined_distance(geometry, known, float(known_sd), measured, applied)
 
 
 def combined_distance(
-    geometry: CaptureGeometry, inverse: float, known: DistanceChange, measured: DistanceChange
+    geometry: CaptureGeometry, inverse: float, inverse_sd: float, measured: DistanceChange, applied: float = 0.0
 ) -> WallDistance:
     """Return what follows from two independent measurements of a light's distance.
 
-    inverse: its inverse distance so far, 1/pixels; known, measured: changes of it, by what was known and by the wall.
+    inverse, inverse_sd: its inverse distance as it was known, 1/pixels, and its standard deviation; measured: change of
+    it by the wall; applied: change that half vectors are corrected for.
     """
     pixels, spheres = region_pixels(geometry), geometry.spheres
-    known_error = light_distance_error(pixels, spheres, known.standard_deviation)
-    if abs(measured.change) > CONTRADICTED_DEVIATIONS * np.hypot(known.standard_deviation, measured.standard_deviation):
+    known_error = light_distance_error(pixels, spheres, inverse_sd)
+    if abs(measured.change) > CONTRADICTED_DEVIATIONS * np.hypot(inverse_sd, measured.standard_deviation):
         error = light_distance_error(pixels, spheres, abs(measured.change))
         message = (
             "the wall of the body of revolution contradicts what the background shows of the light's distance: the body"
@@ -87,13 +94,13 @@ def combined_distance(
         )
         warning = StageWarning(message, "light", float(np.degrees(np.sqrt(2.0) * np.median(error))))
         return WallDistance(0.0, np.square(error), [warning])
-    precision = known.standard_deviation**-2 + measured.standard_deviation**-2
+    precision = inverse_sd**-2 + measured.standard_deviation**-2
     # A light behind the frame's plane would be in the picture.
     change = max(measured.change / (measured.standard_deviation**2 * precision), -inverse)
     deviation, remaining = float(precision**-0.5), 0.0
-    turn_deg = np.degrees(light_distance_error(pixels, spheres, abs(change)).max())
-    if turn_deg < MIN_CORRECTION_DEG or abs(change) < deviation:
-        change, remaining = 0.0, change
+    turn_deg = np.degrees(light_distance_error(pixels, spheres, abs(change - applied)).max())
+    if turn_deg < MIN_CORRECTION_DEG or abs(change - applied) < deviation:
+        change, remaining = applied, change - applied
     error = light_distance_error(pixels, spheres, float(np.hypot(deviation, remaining)))
     heights = np.square(depth_error(pixels, inverse + change)) - np.square(depth_error(pixels, inverse))
     return WallDistance(change, np.square(error) - np.square(known_error) + heights)

@@ -59,20 +59,22 @@ def test_the_view_is_that_which_was_labelled(glass: CaptureContext) -> None:
 
 def test_two_measurements_are_weighted_by_their_deviations(glass: CaptureContext) -> None:
     geometry = load_geometry(glass)
-    combined = combined_distance(geometry, 1e-3, DistanceChange(0.0, 2e-4), DistanceChange(3e-4, 1e-4))
+    combined = combined_distance(geometry, 1e-3, 2e-4, DistanceChange(3e-4, 1e-4))
     assert combined.change == pytest.approx(2.4e-4)
     assert not combined.warnings
-    unmoved = combined_distance(geometry, 1e-3, DistanceChange(0.0, 2e-4), DistanceChange(1e-6, 1e-4))
+    unmoved = combined_distance(geometry, 1e-3, 2e-4, DistanceChange(1e-6, 1e-4))
     assert unmoved.change == 0.0 and unmoved.variance_change.max() < 0.0
+    settled = combined_distance(geometry, 1e-3, 2e-4, DistanceChange(3e-4, 1e-4), applied=2.1e-4)
+    assert settled.change == 2.1e-4
 
 
 def test_a_light_is_not_put_farther_away_than_infinity(glass: CaptureContext) -> None:
-    combined = combined_distance(load_geometry(glass), 1e-4, DistanceChange(0.0, 1e-3), DistanceChange(-5e-4, 1e-4))
+    combined = combined_distance(load_geometry(glass), 1e-4, 1e-3, DistanceChange(-5e-4, 1e-4))
     assert combined.change == -1e-4
 
 
 def test_a_wall_that_contradicts_the_background_lowers_the_confidence(glass: CaptureContext) -> None:
-    combined = combined_distance(load_geometry(glass), 1e-3, DistanceChange(0.0, 1e-4), DistanceChange(2e-3, 1e-4))
+    combined = combined_distance(load_geometry(glass), 1e-3, 1e-4, DistanceChange(2e-3, 1e-4))
     assert combined.change == 0.0 and np.median(combined.variance_change) > np.radians(1.0) ** 2
     (warning,) = combined.warnings
     assert "contradicts what the background shows" in warning.message and warning.cost_deg > 1.0
