@@ -45,7 +45,7 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool, i
     possible = (
         _contour_doubt(spheres, result, is_given),
         _size_doubt(spheres, is_given),
-        _inner_edge_doubt(result, is_given),
+        _inner_edge_doubt(spheres, result, is_given),
     )
     doubts = [doubt for doubt in possible if doubt is not None]
     if not doubts and not is_near and (disagreement := _disagreement(spheres, result)) is not None:
@@ -83,14 +83,15 @@ def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | Non
     return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
 
 
-def _inner_edge_doubt(result: Lights, is_given: bool) -> StageWarning | None:
+def _inner_edge_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) -> StageWarning | None:
     """Return a warning of highlights that lie where only those on a circle inside the contour do."""
     behind = _share_near_contour(result)
     if behind <= MAX_BEHIND_SHARE:
         return None
+    where = f" at ({spheres[0].x:.1f}, {spheres[0].y:.1f})" if len(spheres) == 1 else "s"
     message = (
-        f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
-        " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
+        f"{behind:.0%} of the highlights lie near the contour of the chrome sphere{where}, as if the light were behind"
+        " the object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
         f" {'correct' if is_given else 'give'} `spheres` in the catalogue"
     )
     return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)

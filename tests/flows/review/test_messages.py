@@ -196,7 +196,7 @@ def test_what_cannot_be_saved_is_told_in_words_alone(served: ServedPage, tab: Ta
     page.select_option("[aria-label='How the pose is given']", "camera_to_world")
     page.fill("[aria-label^='Matrix from camera']", "2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1")
     page.keyboard.press("Control+s")
-    tab.wait(f"{STATUS}.startsWith('camera_to_world must be ') && {STATUS}.includes(' → invert it if')")
+    tab.wait(f"{STATUS}.includes('their lengths are 2, 1, 1') && {STATUS}.includes(' → give a rotation there')")
     tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
 
 
