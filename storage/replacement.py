@@ -1,9 +1,29 @@
-"""Replace a folder by another one, and keep the earlier until what follows has succeeded."""
+"""Rename files and folders so that what an error interrupts is as it was; replace a folder by another one."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+
+@contextmanager
+def revocable_renames() -> Iterator[Callable[[Path, Path], None]]:
+    """Yield a function that renames; where anything ends the block, all that it renamed get their names back."""
+    renames = list[tuple[Path, Path]]()
+
+    def rename(source: Path, target: Path) -> None:
+        # Noted first: an interrupt may come between the two.
+        renames.append((source, target))
+        source.rename(target)
+
+    try:
+        yield rename
+    except BaseException:
+        for source, target in reversed(renames):
+            # The last one may not have happened.
+            if target.exists(follow_symlinks=False) and not source.exists(follow_symlinks=False):
+                target.rename(source)
+        raise
 
 
 @contextmanager
@@ -16,17 +36,11 @@ def replaced(folder: Path, new: Path) -> Iterator[None]:
         OSError: the folder cannot be moved; the earlier one is at its place again.
     """
     earlier = folder.with_name(f".{folder.name}-earlier")
-    if folder.exists():
-        # What a killed process has left has been replaced since.
-        shutil.rmtree(earlier, ignore_errors=True)
-        folder.rename(earlier)
-    try:
-        new.rename(folder)
-        yield
-    except BaseException:
+    with revocable_renames() as rename:
         if folder.exists():
-            folder.rename(new)
-        if earlier.exists():
-            earlier.rename(folder)
-        raise
+            # What a killed process has left has been replaced since.
+            shutil.rmtree(earlier, ignore_errors=True)
+            rename(folder, earlier)
+        rename(new, folder)
+        yield
     shutil.rmtree(earlier, ignore_errors=True)

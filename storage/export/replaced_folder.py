@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from glint.storage.errors import OutputError, StoreError, one_line
+from glint.storage.replacement import revocable_renames
 
 FULL_BYTES = 1 << 20
 """Free bytes below which a disk counts as full after a write that failed without a cause."""
@@ -67,7 +68,7 @@ def replaced_folder(out: Path, facts: Mapping[str, str]) -> Iterator[Path]:
         yield content
         (content / MARKER).write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
         earlier = [path for path in place.iterdir() if path != content.parent] if is_disk else []
-        with _revocable_renames() as rename:
+        with revocable_renames() as rename:
             if is_disk:  # which cannot be renamed itself
                 _exchange(rename, earlier, content, place)
             else:
@@ -122,7 +123,7 @@ def merge_into(content: Path, out: Path, object_id: str, report: str) -> None:
         for path in out.iterdir()
         if (content / path.name).exists() or (path.is_dir() and _exported_object(path / report) == object_id)
     ]
-    with _revocable_renames() as rename:
+    with revocable_renames() as rename:
         _exchange(rename, earlier, content, out)
 
 
@@ -134,25 +135,6 @@ def _exchange(rename: Callable[[Path, Path], None], earlier: Iterable[Path], con
         rename(path, replaced / path.name)
     for entry in sorted(content.iterdir()):
         rename(entry, out / entry.name)
-
-
-@contextmanager
-def _revocable_renames() -> Iterator[Callable[[Path, Path], None]]:
-    """Yield a function that renames; where anything ends the block, all that it renamed get their names back."""
-    renames = list[tuple[Path, Path]]()
-
-    def rename(source: Path, target: Path) -> None:
-        # Noted first: an interrupt may come between the two.
-        renames.append((source, target))
-        source.rename(target)
-
-    try:
-        yield rename
-    except BaseException:
-        for source, target in reversed(renames):
-            if not source.exists(follow_symlinks=False):
-                target.rename(source)
-        raise
 
 
 def _exported_object(report: Path) -> str | None:

@@ -12,14 +12,13 @@ import numpy as np
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.labelling.results import Reconstruction, exterior_normals
-from glint.tasks.algorithms.lighting.spheres import precision_weights
 from glint.tasks.algorithms.near_light.distance_by_wall import (
     DistanceChange,
     distance_by_wall,
     moved_by_light,
     wall_normals,
 )
-from glint.tasks.algorithms.near_light.half_vector_error import USUAL_NZ, depth_error, light_distance_error
+from glint.tasks.algorithms.near_light.half_vector_error import depth_error, light_distance_error, mean_position
 from glint.tasks.engine.stage_inputs import CaptureResults
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry
@@ -108,9 +107,7 @@ def combined_distance(
 
 def sphere_offsets(geometry: CaptureGeometry) -> np.ndarray:
     """Return the positions (H, W, 2) of the region's pixels from the spheres' mean, in pixels, y up."""
-    pixels, spheres = region_pixels(geometry), geometry.spheres
-    weights = precision_weights(spheres, np.full(len(spheres), USUAL_NZ))
-    x, y = weights @ np.array([(sphere.x, sphere.y) for sphere in spheres])
+    pixels, (x, y) = region_pixels(geometry), mean_position(geometry.spheres)
     return np.stack([pixels.columns - x, y - pixels.rows], axis=-1)
 
 

@@ -58,10 +58,14 @@ def half_vectors_for_view(half_vectors: np.ndarray, view: np.ndarray) -> np.ndar
 def half_vectors_on_axis(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Return the half vectors (..., 3) float32 relative to V0 at which normals (..., 3) show a highlight.
 
-    This inverts `half_vectors_for_view`: the light is the mirror image of the view vector (..., 3) at the normal.
+    This inverts `half_vectors_for_view`.
     """
-    lights = 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
-    return half_vectors_of(lights).astype(np.float32)
+    return half_vectors_of(lights_for_view(normals, view)).astype(np.float32)
+
+
+def lights_for_view(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Return the lights (..., 3) that normals (..., 3) reflect along view vectors (..., 3): their mirror images."""
+    return np.asarray(2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view)
 
 
 def camera_in_crop(camera: np.ndarray, left: float, top: float) -> np.ndarray:

@@ -9,6 +9,9 @@ import numpy as np
 NZ_FLOOR = 0.05
 """Lower bound of n_z in gradients, which keeps those of occluding-contour normals (n_z = 0) finite."""
 
+MIN_TANGENT_NZ = 0.2
+"""Lower bound of n_z in the derivatives of a normal by its n_x and n_y."""
+
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths (...) of vectors (..., 3); several times as fast as `numpy.linalg.norm` along a short axis."""
@@ -29,6 +32,17 @@ def half_vectors_of(lights: np.ndarray) -> np.ndarray:
 def lights_of(half_vectors: np.ndarray) -> np.ndarray:
     """Return the light directions (..., 3) that half vectors n (..., 3) reflect into V: L = 2 (n.V) n - V."""
     return 2.0 * half_vectors[..., 2:3] * half_vectors - np.array([0.0, 0.0, 1.0])
+
+
+def component_derivatives(normals: np.ndarray) -> np.ndarray:
+    """Return the derivatives (..., 3, 2) of unit normals (..., 3) by their n_x and n_y."""
+    columns = []
+    for axis in (0, 1):
+        column = np.zeros_like(normals)
+        column[..., axis] = 1.0
+        column[..., 2] = -normals[..., axis] / np.maximum(normals[..., 2], MIN_TANGENT_NZ)
+        columns.append(column)
+    return np.stack(columns, axis=-1)
 
 
 def gradients(normals: np.ndarray, floor: float = NZ_FLOOR) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import Cone, view_vectors
+from glint.tasks.algorithms.geometry.perspective import Cone, lights_for_view, view_vectors
 from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.lighting.blobs import measure_blobs
@@ -225,7 +225,7 @@ def _reflections(sphere: Sphere, shape: tuple[int, ...], camera: np.ndarray | No
         cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
         view = view_vectors(camera, shape, 0, 0)
         normals = cone.normals(view)
-        return cone.sines(view), 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
+        return cone.sines(view), lights_for_view(normals, view)
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     nx, ny = (columns - sphere.x) / sphere.radius, (sphere.y - rows) / sphere.radius
     nz = np.sqrt(np.maximum(1.0 - nx**2 - ny**2, 0.0))

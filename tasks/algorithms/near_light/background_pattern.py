@@ -74,15 +74,13 @@ class Background:
     room_share: float
     room_deviation: float
 
-    def part(self, frames: np.ndarray, places: np.ndarray) -> "Background":
-        """Return the part of frames (T,) bool and places (N,) bool."""
-        chosen, site = np.ix_(frames, places), SphereLights(self.site.lights[frames], self.site.positions[frames])
+    def part(self, frames: np.ndarray) -> "Background":
+        """Return the part of frames (T,) bool."""
         return replace(
             self,
-            logarithms=self.logarithms[chosen],
-            used=self.used[chosen],
-            points=self.points[places],
-            site=site,
+            logarithms=self.logarithms[frames],
+            used=self.used[frames],
+            site=SphereLights(self.site.lights[frames], self.site.positions[frames]),
         )
 
     def without_outliers(self) -> "Background":
@@ -105,12 +103,12 @@ class Background:
 
     def fit(self) -> PatternFit:
         """Fit the light's inverse distance."""
-        least, everywhere = START_REACHES / self._reach, np.ones(len(self.points), bool)
+        least = START_REACHES / self._reach
         inverse = self._inverse(least, ITERATIONS)
         start = max(inverse, least)
 
         def again(kept: np.ndarray) -> float:
-            return self.part(kept, everywhere)._inverse(start, 1)
+            return self.part(kept)._inverse(start, 1)
 
         return PatternFit(inverse, standard_error(len(self.used), again))
 

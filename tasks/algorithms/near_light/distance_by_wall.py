@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.perspective import lights_for_view
 from glint.tasks.algorithms.geometry.robust import robust_deviation
-from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.geometry.vectors import angles, component_derivatives, unit
 
 NEAR_DEG = 8.0
 """Angle from the wall's normal up to which an accepted normal is the wall's."""
@@ -20,8 +21,6 @@ MIN_WALL_NORMALS = 200
 AXIS_ERROR_DEG, OVALITY = 0.3, 0.02
 """Standard deviations of the angle by which a wrong axis turns all circles, and of the share by which a body is longer
 than wide across its axis, as hand-made glass is, along the view or aslant to it."""
-MIN_NZ = 0.2
-"""Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 ROBUST_ROUNDS, OUTLIER_DEVIATIONS = 4, 4.0
 """Rounds of the robust fit, and robust standard deviations from which a normal is left out."""
 INDEPENDENT_NORMALS = 25.0
@@ -85,7 +84,7 @@ def distance_by_wall(wall: WallNormals, sphere_sd: float) -> DistanceChange | No
     cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))
     columns = [
         _dot(wall.tangents, turned_by_light(wall.accepted, wall.view, -wall.offsets)),
-        *(_by_component(wall.accepted, wall.tangents, axis) for axis in (0, 1)),
+        *(_dot(wall.tangents, turn) for turn in np.moveaxis(component_derivatives(wall.accepted), -1, 0)),
         sine * cosine,
         0.5 * (cosine**2 - sine**2),
     ]
@@ -108,7 +107,7 @@ def turned_by_light(half_vectors: np.ndarray, view: np.ndarray, motion: np.ndarr
 
     half_vectors, view: (.., 3), unit. motion: (.., 3), of the vector to the light, which has unit length before.
     """
-    light = 2.0 * _dot(half_vectors, view)[..., None] * half_vectors - view
+    light = lights_for_view(half_vectors, view)
     change = motion - _dot(motion, light)[..., None] * light
     across = change - _dot(change, half_vectors)[..., None] * half_vectors
     return np.asarray(across / np.linalg.norm(light + view, axis=-1)[..., None])
@@ -116,13 +115,7 @@ def turned_by_light(half_vectors: np.ndarray, view: np.ndarray, motion: np.ndarr
 
 def moved_by_light(half_vectors: np.ndarray, view: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Return half vectors (.., 3) after a motion of the light; for the arguments see `turned_by_light`."""
-    light = 2.0 * _dot(half_vectors, view)[..., None] * half_vectors - view
-    return np.asarray(unit(unit(light + motion) + view))
-
-
-def _by_component(normals: np.ndarray, tangents: np.ndarray, axis: int) -> np.ndarray:
-    """Return the derivatives (N,) along tangents (N, 3) by n_x or n_y (axis 0 or 1) of unit normals (N, 3)."""
-    return np.asarray(tangents[:, axis] - tangents[:, 2] * normals[:, axis] / np.maximum(normals[:, 2], MIN_NZ))
+    return np.asarray(unit(unit(lights_for_view(half_vectors, view) + motion) + view))
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -78,14 +78,14 @@ def measure_falloff(
         measured = table.background(inverse)
         if measured is None:
             return None
-        background = measured
-        fit = background.without_outliers().fit()
-        hidden = background.inverse_distance_of(HELD_DEVIATION * held)
+        background = measured.without_outliers()
+        fit = background.fit()
+        hidden = measured.inverse_distance_of(HELD_DEVIATION * held)
         if not fit.is_significant:
             known = np.hypot(fit.standard_error, max(fit.inverse_distance, 0.0))
             return Falloff(0.0, float(np.hypot(known, hidden)))
         inverse = fit.inverse_distance
-    return _near_falloff(background.without_outliers(), fit, hidden)
+    return _near_falloff(background, fit, hidden)
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,10 +78,16 @@ def light_distance_error(pixels: PixelGrid, spheres: Sequence[Sphere], inverse_d
 
     spheres: in pixels of the full frame; at their mean position the direction to the light is right at any distance.
     """
-    weights = precision_weights(spheres, np.full(len(spheres), USUAL_NZ))
-    x, y = weights @ np.array([(sphere.x, sphere.y) for sphere in spheres])
+    x, y = mean_position(spheres)
     parallax = MEAN_FORESHORTENING * inverse_distance_sd * np.hypot(pixels.columns - x, pixels.rows - y)
     return _per_axis(parallax)
+
+
+def mean_position(spheres: Sequence[Sphere]) -> tuple[float, float]:
+    """Return x and y of spheres' mean position, weighted by their precision."""
+    weights = precision_weights(spheres, np.full(len(spheres), USUAL_NZ))
+    x, y = weights @ np.array([(sphere.x, sphere.y) for sphere in spheres])
+    return float(x), float(y)
 
 
 def depth_error(pixels: PixelGrid, inverse_distance: float) -> np.ndarray:

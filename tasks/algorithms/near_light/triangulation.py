@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from glint.tasks.algorithms.geometry.robust import robust_deviation
-from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
+from glint.tasks.algorithms.geometry.vectors import component_derivatives, half_vectors_of, unit
 from glint.tasks.algorithms.near_light.positions import SphereLights
 
 MIN_SHARED_FRAMES = 20
@@ -28,8 +28,6 @@ MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
 MIN_PARALLAX_DEG = 0.3
 """Difference between the spheres' directions to the light below which it counts as distant."""
-MIN_TANGENT_NZ = 0.2
-"""Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 GAUSS_NEWTON_STEPS = 6
 """Steps in which one distance of all frames and the rotations are solved."""
 ALTERNATIONS = 4
@@ -241,10 +239,5 @@ def _smoothed(values: np.ndarray, weight: np.ndarray, length: float) -> np.ndarr
 
 def _rotation_columns(normal: np.ndarray) -> np.ndarray:
     """Return the derivatives (..., 3, 2) of light directions by an error of the normals' (..., 3) n_x and n_y."""
-    columns = []
-    for axis in (0, 1):
-        tangent = np.zeros_like(normal)
-        tangent[..., axis] = 1.0
-        tangent[..., 2] = -normal[..., axis] / np.maximum(normal[..., 2], MIN_TANGENT_NZ)
-        columns.append(2.0 * (normal[..., 2:] * tangent + tangent[..., 2:] * normal))
-    return np.stack(columns, axis=-1)
+    tangents = component_derivatives(normal)
+    return np.asarray(2.0 * (normal[..., 2:, None] * tangents + tangents[..., 2:, :] * normal[..., None]))
