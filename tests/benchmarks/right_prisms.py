@@ -12,8 +12,8 @@ degrees; at last the geometric means of the errors.
 import argparse
 import random
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest.mock import patch
 
@@ -22,6 +22,7 @@ import numpy as np
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.meshing.implicit import polyhedron
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
+from glint.tasks.algorithms.prisms.rounded_normals import RoundedPrismSearch
 from glint.tasks.algorithms.simulation import shapes
 from glint.tasks.algorithms.simulation.solids import Solid, from_implicit
 from tests.benchmarks.random_captures import Measured, measure, random_capture
@@ -30,6 +31,10 @@ SHAPE = "hexagonal-prism"
 """Shape whose solid and tilt are replaced."""
 HALF_SIDE, CELL = 150.0, 2.5
 """Half the side of the box in which a solid is meshed, and the edge of its cells."""
+Searches = Mapping[type, tuple[str, object]]
+"""Searches for solids: the name of what they find, and its value where they find nothing."""
+ROUNDED: Searches = {RoundedPrismSearch: ("best", None)}
+ALL_SEARCHES: Searches = {**ROUNDED, PrismSearch: ("best", None), FacetSearch: ("likeliest", [])}
 
 
 def random_solid(seed: int, lean_deg: float) -> tuple[list[Solid], float]:
@@ -59,25 +64,32 @@ def replaced_shape(solids: list[Solid], tilt: float) -> Iterator[None]:
     shapes.untransformed_solids.cache_clear()
 
 
-def compare(solids: list[Solid], tilt: float, seed: int, folder: Path) -> tuple[Measured, Measured]:
-    """Return the results of a capture without the hypotheses of solids of flat faces, and with them."""
+def compare(solids: list[Solid], tilt: float, seed: int, folder: Path, searches: Searches) -> tuple[Measured, Measured]:
+    """Return the results of a capture without these hypotheses of solids of flat faces, and with them."""
     with replaced_shape(solids, tilt):
         capture = random_capture(SHAPE, seed, folder, is_given=True)
-    with patch.object(PrismSearch, "best", None), patch.object(FacetSearch, "likeliest", []):
+    with ExitStack() as stack:
+        for search, (name, nothing) in searches.items():
+            stack.enter_context(patch.object(search, name, nothing))
         without = measure(capture, folder / "without")
     return without, measure(capture, folder / "with")
 
 
-def print_comparisons(solid_of: Callable[[int], tuple[str, list[Solid], float]], arguments: argparse.Namespace) -> None:
+def print_comparisons(
+    solid_of: Callable[[int], tuple[str, list[Solid], float]],
+    arguments: argparse.Namespace,
+    searches: Searches = ALL_SEARCHES,
+) -> None:
     """Print a line per capture as it is measured, and the geometric means of the errors.
 
-    solid_of: returns the name, the solids and the tilt of a seed. arguments: first seed, count and folder.
+    solid_of: returns the name, the solids and the tilt of a seed. arguments: first seed, count and folder. searches:
+    hypotheses without and with which captures are measured.
     """
     errors = []
     with tempfile.TemporaryDirectory() as temporary:
         for seed in range(arguments.seed, arguments.seed + arguments.count):
             name, solids, tilt = solid_of(seed)
-            results = compare(solids, tilt, seed, (arguments.folder or Path(temporary)) / str(seed))
+            results = compare(solids, tilt, seed, (arguments.folder or Path(temporary)) / str(seed), searches)
             errors.append([measured.mean_error for measured in results])
             texts = [f"{m.mean_error:.1f} deg, {m.share:.0%}, {m.right:.1%} right" for m in results]
             print(f"{name}, seed {seed}: without {texts[0]}; with {texts[1]}", flush=True)

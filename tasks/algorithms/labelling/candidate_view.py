@@ -19,6 +19,7 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
+from glint.tasks.algorithms.prisms.rounded_normals import RoundedPrismSearch
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from glint.tasks.algorithms.vessels.rotational_normals import RotationalSymmetry
@@ -49,7 +50,7 @@ class CandidateView:
     outward: (H, W, 3), their normals, NaN elsewhere.
     graph: of the nodes, to be cut.
     sheets: numbers of the nodes and their ties, see `sheet_graph`.
-    symmetry, prism, facets: searches for bodies, which keep what they compute.
+    symmetry, prism, rounded, facets: searches for bodies, which keep what they compute.
     """
 
     normals: np.ndarray
@@ -69,6 +70,7 @@ class CandidateView:
     sheets: tuple[np.ndarray, sparse.csr_matrix]
     symmetry: RotationalSymmetry
     prism: PrismSearch
+    rounded: RoundedPrismSearch
     facets: FacetSearch
 
     @classmethod
@@ -110,6 +112,7 @@ class CandidateView:
             sheets=sheet_graph(normals),
             symmetry=RotationalSymmetry(mask, camera),
             prism=PrismSearch(normals, mask, camera),
+            rounded=RoundedPrismSearch(normals, mask, camera),
             facets=FacetSearch(normals, mask, camera),
         )
 

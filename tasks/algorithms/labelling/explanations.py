@@ -5,19 +5,17 @@ The functions `_with_..` change the state that they are given; only the one that
 """
 
 from copy import copy
-from operator import itemgetter
 
 import numpy as np
 
-from glint.tasks.algorithms.continuation.inner_contours import has_candidate
 from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.final_confidence import final_confidence
+from glint.tasks.algorithms.labelling.flat_solids import CONTRADICTED_DEG, first_unrefuted, likely_solids, margin
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
-from glint.tasks.algorithms.labelling.results import CONFIDENT, blended_normals, exterior_values
+from glint.tasks.algorithms.labelling.results import exterior_values
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.vessels.body_fit import body_fit
 
@@ -25,20 +23,9 @@ MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 MAX_READMISSIONS = 3
 """Rounds in which rejected sheets are readmitted: each may show the field of the next."""
-MIN_SOLID_NATS, CONTRADICTED_NATS = 10.0, 50.0
-"""Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if accepted normals all
-over the mask contradict it, as those of what is seen through its faces do."""
 MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 6.0, 40.0
 """Mean angle between accepted normals and a surface of revolution without its relief from which that relief may in fact
 be facets, and evidence for a faceted body from which it is."""
-CONTRADICTED_DEG = 6.0
-"""Angle from which an accepted normal contradicts a solid, and up to which a surface explains a candidate."""
-MIN_EXPLAINED_RATIO = 0.65
-"""Pixels with a candidate that a solid explains, relative to the field's: 0.73 or more on solids, 0.59 on domes."""
-SAME_SOLID_DEG = 8.0
-"""Mean angle between two solids up to which they are the same."""
-MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
-"""Share of a solid's face that confident normals may contradict, and share of the mask from which a face is checked."""
 MIN_SEEN_SHARE, MAX_SEEN_THROUGH, ROUNDED_INRADII = 0.05, 0.5, 0.1
 """Share of a solid's face that accepted normals must cover, and share of these that may contradict it, for all else on
 it to count as seen through; distance from its edges, which are rounded, in inradii of the mask."""
@@ -83,14 +70,14 @@ def _with_surface(state: Alternation) -> Alternation:
 
 def _with_faces(state: Alternation) -> Alternation:
     """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
-    view, start, solids = state.view, copy(state), _likely_solids(state)
+    view, start, solids = state.view, copy(state), likely_solids(state)
     if not state.face_evidence.any():
         state.face_evidence = face_evidence(view.normals, view.mask, view.inradius, view.camera)
         if state.face_evidence.any():
             state.iterate()
     if _adopt_faces(state):
         state.iterate()
-    solid = _first_unrefuted(solids, state)
+    solid = first_unrefuted(solids, state)
     return state if solid is None else _with_solid(start, solid)
 
 
@@ -132,6 +119,8 @@ def _adopt_symmetry(state: Alternation) -> bool:
     rotational = view.symmetry.normals(accepted, view.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
+    if state.options.flat_faces and view.rounded.best is not None and margin(view.rounded.best, state) >= 0.0:
+        return False  # A block seen along an edge can have the silhouette of a body of revolution.
     lights = exterior_values(view.weights, state.labels)
     if has_other_faces(rotational.normals, accepted, lights, view.mask, view.inradius):
         return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
@@ -147,48 +136,6 @@ def _is_faceted(state: Alternation) -> bool:
     """Return whether candidates show facets so well that a relief, whose periods they are, does not explain them."""
     solids = state.view.facets.likeliest if state.options.flat_faces else []
     return bool(solids) and solids[0].log_ratio >= MIN_RELIEF_NATS
-
-
-def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
-    """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict them.
-
-    They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone.
-    """
-    view, margins = state.view, []
-    for solid in [*view.facets.likeliest, *([] if view.prism.best is None else [view.prism.best])]:
-        contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
-        margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / view.mask.sum()
-        if margin >= 0.0:
-            margins.append((float(margin), solid))
-    if not margins:
-        return []
-    field = blended_normals(state.values, state.smooth)
-    least = MIN_EXPLAINED_RATIO * has_candidate(view.normals, field, CONTRADICTED_DEG).sum()
-    likely = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
-    solids = [solid for solid in likely if has_candidate(view.normals, solid.normals, CONTRADICTED_DEG).sum() >= least]
-    prism = next((solid for solid in solids if solid is view.prism.best), None)
-    # Of the same solid, the lines of its contour place a prism more exactly.
-    if prism is not None and angles(prism.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
-        return [prism, *(solid for solid in solids if solid is not prism)]
-    return solids
-
-
-def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
-    """Return the first solid none of whose faces confident normals largely contradict, as they do if an end is wrong.
-
-    state: explained by flat faces, if there are any.
-    """
-    if not solids:
-        return None
-    mask, normals = state.view.mask, blended_normals(state.values, state.smooth)
-    is_confident = final_confidence(state, normals) >= CONFIDENT
-
-    def is_refuted(solid: PolyhedralNormals) -> bool:
-        contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
-        faces = (pixels for pixels in solid.faces_in(mask) if pixels.sum() >= MIN_REFUTED_SHARE * mask.sum())
-        return any(contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE for pixels in faces)
-
-    return next((solid for solid in solids if not is_refuted(solid)), None)
 
 
 def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:

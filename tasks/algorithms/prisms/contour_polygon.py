@@ -37,22 +37,31 @@ def contour_polygons(mask: np.ndarray) -> list[np.ndarray]:
     through the centres of the outermost pixels, half a pixel inside the silhouette: with edges along their outer sides
     prisms come out a little better, and frusta worse.
     """
-    contour = max(cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
-    hull = cv2.convexHull(contour)
-    covered = np.zeros(mask.shape, np.uint8)
-    cv2.fillConvexPoly(covered, hull, 1)
-    if mask.sum() < MIN_CONVEX_SHARE * covered.sum():
+    points = convex_contour(mask)
+    if points is None:
         return []
-    columns, rows = _dense(hull[:, 0].astype(float)).T
-    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
-    points = np.column_stack([x, y])
-    if x @ np.roll(y, -1) < y @ np.roll(x, -1):
-        points = points[::-1]
     inradius = inradius_of(mask)
     polygons = [
         _corners(_lines(points, parts)) for parts in (_straight_parts(points, inradius), _sides(points, inradius))
     ]
     return [corners for corners in polygons if MIN_CORNERS <= len(corners) <= MAX_CORNERS]
+
+
+def convex_contour(mask: np.ndarray) -> np.ndarray | None:
+    """Return points (N, 2) a pixel apart on the convex hull of a silhouette (H, W) bool; None if it is not convex.
+
+    They run counter-clockwise through the centres of the outermost pixels, x right and y up, from the image's centre.
+    """
+    contour = max(cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
+    hull = cv2.convexHull(contour)
+    covered = np.zeros(mask.shape, np.uint8)
+    cv2.fillConvexPoly(covered, hull, 1)
+    if mask.sum() < MIN_CONVEX_SHARE * covered.sum():
+        return None
+    columns, rows = _dense(hull[:, 0].astype(float)).T
+    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
+    points = np.column_stack([x, y])
+    return points[::-1] if x @ np.roll(y, -1) < y @ np.roll(x, -1) else points
 
 
 def _dense(corners: np.ndarray) -> np.ndarray:

@@ -140,12 +140,22 @@ class RightPrism:
         """Return z (N,) in pixels of the faces (N,) at image positions x, y (N,), up to a constant for all."""
         points = np.column_stack([x, y, np.zeros(len(x))])
         rays = to_camera_directions(x, y, self.inverse_focal)
-        hidden = self._hidden_points
-        anchors = np.stack([hidden[0] + self._height * self.axis, *hidden[:-1]])
-        normals = self.normals[faces]
+        anchors, normals = self.anchors, self.normals[faces]
         with np.errstate(divide="ignore", invalid="ignore"):
             result = ((anchors[faces] - points) * normals).sum(axis=1) / (rays * normals).sum(axis=1)
         return np.asarray(result)
+
+    @cached_property
+    def anchors(self) -> np.ndarray:
+        """A point (F, 3) in space on each visible face, as `normals`."""
+        hidden = self._hidden_points
+        return np.stack([hidden[0] + self.height * self.axis, *hidden[:-1]])
+
+    @cached_property
+    def visible_end(self) -> np.ndarray:
+        """Corners (N, 3) of the visible end in space: those above the hidden end, and those that it alone has."""
+        beyond = self._points_across(self.contour.visible[1:-1], self.anchors[0])
+        return np.concatenate([beyond, self._hidden_points + self.height * self.axis])
 
     def _plane(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Return the unit normal (3,) of the plane through the camera and the image of an edge."""
@@ -165,15 +175,16 @@ class RightPrism:
     def _hidden_points(self) -> np.ndarray:
         """Corners (N, 3) of the hidden end in space: on their rays, in a plane perpendicular to the axis."""
         hidden = self.contour.hidden
-        anchor = np.append(hidden[0], 0.0)
-        points = []
-        for corner in hidden:
-            start, ray = np.append(corner, 0.0), to_camera_directions(corner[0], corner[1], self.inverse_focal)
-            points.append(start + (anchor - start) @ self.axis / (ray @ self.axis) * ray)
-        return np.array(points)
+        return self._points_across(hidden, np.append(hidden[0], 0.0))
+
+    def _points_across(self, images: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+        """Return the points (N, 3) with images (N, 2) in the plane through an anchor (3,) perpendicular to the axis."""
+        starts = np.column_stack([images, np.zeros(len(images))])
+        rays = to_camera_directions(images[:, 0], images[:, 1], self.inverse_focal)
+        return starts + (((anchor - starts) @ self.axis) / (rays @ self.axis))[:, None] * rays
 
     @cached_property
-    def _height(self) -> float:
+    def height(self) -> float:
         """Distance between the ends in pixels, from the shorter edge along the axis.
 
         An edge looks too long where the short edge beside it is hardly seen to turn from it.
@@ -189,5 +200,5 @@ class RightPrism:
     @cached_property
     def _top(self) -> np.ndarray:
         """Images (N, 2) of the visible end's corners above those of the hidden one."""
-        points = self._hidden_points + self._height * self.axis
+        points = self._hidden_points + self.height * self.axis
         return np.asarray(points[:, :2] / (1.0 - self.inverse_focal * points[:, 2:]))

@@ -12,7 +12,8 @@ from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling import explanations
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.explanations import MIN_SOLID_NATS, explain
+from glint.tasks.algorithms.labelling.explanations import explain
+from glint.tasks.algorithms.labelling.flat_solids import MIN_SOLID_NATS, likely_solids
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
@@ -51,7 +52,7 @@ NO_PRISM = cast(PrismSearch, SimpleNamespace(best=None))
 def with_searches(settled: Alternation, **searches: Any) -> Alternation:
     """Replace searches of the view by others."""
     state = copy(settled)
-    state.view = replace(settled.view, **searches)
+    state.view = replace(settled.view, **{"rounded": NO_PRISM} | searches)
     return state
 
 
@@ -67,8 +68,8 @@ def test_a_dome_is_no_faceted_body() -> None:
     faces = np.where(mask, 2 * (rows > 0) + (columns > 0), -1)
     facets = PolyhedralNormals(quarters, np.zeros(mask.shape, np.float32), faces, 60.0)
     right = facets._replace(normals=dome.astype(np.float32))
-    assert explanations._likely_solids(with_searches(state, facets=bodies_of(facets), prism=NO_PRISM)) == []
-    assert explanations._likely_solids(with_searches(state, facets=bodies_of(right), prism=NO_PRISM)) == [right]
+    assert likely_solids(with_searches(state, facets=bodies_of(facets), prism=NO_PRISM)) == []
+    assert likely_solids(with_searches(state, facets=bodies_of(right), prism=NO_PRISM)) == [right]
 
 
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:

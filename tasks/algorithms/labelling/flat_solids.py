@@ -1,0 +1,74 @@
+"""Solids of flat faces as explanations of labels: which of them candidates show, and which confident normals refute."""
+
+from operator import itemgetter
+
+import numpy as np
+
+from glint.tasks.algorithms.continuation.inner_contours import has_candidate
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.final_confidence import final_confidence
+from glint.tasks.algorithms.labelling.results import CONFIDENT, blended_normals
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+
+MIN_SOLID_NATS, CONTRADICTED_NATS = 10.0, 50.0
+"""Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if accepted normals all
+over the mask contradict it, as those of what is seen through its faces do."""
+CONTRADICTED_DEG = 6.0
+"""Angle from which an accepted normal contradicts a solid, and up to which a surface explains a candidate."""
+MIN_EXPLAINED_RATIO = 0.65
+"""Pixels with a candidate that a solid explains, relative to the field's: 0.73 or more on solids, 0.59 on domes."""
+SAME_SOLID_DEG = 8.0
+"""Mean angle between two solids up to which they are the same."""
+MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
+"""Share of a solid's face that confident normals may contradict, and share of the mask from which a face is checked."""
+
+
+def likely_solids(state: Alternation) -> list[PolyhedralNormals]:
+    """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict them.
+
+    They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone. The
+    normals of rounded edges lie where only such edges have them, and need not.
+    """
+    view, rounded, prism = state.view, state.view.rounded.best, state.view.prism.best
+    weighed = [(margin(solid, state), solid) for solid in (*view.facets.likeliest, rounded, prism) if solid is not None]
+    likely = [solid for nats, solid in sorted(weighed, key=itemgetter(0), reverse=True) if nats >= 0.0]
+    if not likely:
+        return []
+
+    def explained(normals: np.ndarray) -> int:
+        return int(has_candidate(view.normals, normals, CONTRADICTED_DEG).sum())
+
+    least = MIN_EXPLAINED_RATIO * explained(blended_normals(state.values, state.smooth))
+    solids = [solid for solid in likely if solid is rounded or explained(solid.normals) >= least]
+    # Of the same solid, the lines of its contour place a prism more exactly.
+    for same in (rounded, prism):
+        if same is None or all(solid is not same for solid in solids):
+            continue
+        if angles(same.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
+            return [same, *(solid for solid in solids if solid is not same)]
+    return solids
+
+
+def margin(solid: PolyhedralNormals, state: Alternation) -> float:
+    """Return how much more candidates speak for a solid than they must, nats."""
+    contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
+    return float(solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / state.view.mask.sum())
+
+
+def first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
+    """Return the first solid none of whose faces confident normals largely contradict, as they do if an end is wrong.
+
+    state: explained by flat faces, if there are any.
+    """
+    if not solids:
+        return None
+    mask, normals = state.view.mask, blended_normals(state.values, state.smooth)
+    is_confident = final_confidence(state, normals) >= CONFIDENT
+
+    def is_refuted(solid: PolyhedralNormals) -> bool:
+        contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
+        faces = (pixels for pixels in solid.faces_in(mask) if pixels.sum() >= MIN_REFUTED_SHARE * mask.sum())
+        return any(contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE for pixels in faces)
+
+    return next((solid for solid in solids if not is_refuted(solid)), None)

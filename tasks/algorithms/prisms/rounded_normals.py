@@ -1,0 +1,131 @@
+"""Normals of a right prism with rounded edges, found by its silhouette and the candidates, under either camera.
+
+Most faces of a block of glass never show the light, and through those that do its other faces are seen: hardly any
+candidate is true, and no smooth field is near. But its silhouette leaves few prisms to choose from, and one number, the
+slope of the axis, for each; the highlights of its edges choose among them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.distance import inradius_of, with_nearest
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
+from glint.tasks.algorithms.geometry.vectors import positions_at, unit
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, sampled_middle
+from glint.tasks.algorithms.prisms.prism_evidence import FLASHED_DEG
+from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
+from glint.tasks.algorithms.prisms.rounded_contour import rounded_contours
+from glint.tasks.algorithms.prisms.rounded_evidence import ShownCandidates, mean_deviation, rounded_log_ratio
+from glint.tasks.algorithms.prisms.rounded_prism import RoundedPrism
+
+SLOPES_DEG = range(10, 79, 4)
+"""Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
+SLOPE_STEPS_DEG, REFINED = (2.0, 1.0), 6
+"""Steps by which the slopes of the best prisms are refined in turn, and how many prisms."""
+FINE_STEPS_DEG = (3.0, 2.0, 1.0, 1.0, 0.5, 0.5, 0.25, 0.25)
+"""Steps by which the slope of the likeliest prism is refined at last, to bring its normals closest to candidates."""
+TRIED, REFINED_AT = (24.0, 4.5), (60.0, FLASHED_DEG)
+"""Inradius in pixels to which an object is sampled down, and degrees within which candidates have a prism's normals: to
+compare all prisms, whose slopes are not exact, and to refine the best."""
+
+
+class RoundedPrismSearch(PolyhedronSearch):
+    """Search for a right prism with rounded edges in a view, on demand."""
+
+    @cached_property
+    def best(self) -> PolyhedralNormals | None:
+        """The prism for which candidates speak most; None if they speak for none."""
+        solid = likeliest_prism(possible_prisms(self._silhouette, self._inverse_focal), self._shown, self._silhouette)
+        return None if solid is None else self._seen_back(rounded_normals(*solid, self._silhouette))
+
+
+def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RoundedPrism]:
+    """Return the prisms with the silhouette of a mask (H, W) bool, at the slopes that are tried first.
+
+    inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.
+    """
+    return [
+        RoundedPrism(RightPrism(contour, float(np.radians(slope)), inverse_focal), radius)
+        for corners, radius in rounded_contours(mask)
+        for contour in swept_contours(corners, inverse_focal)
+        for slope in SLOPES_DEG
+    ]
+
+
+def likeliest_prism(
+    prisms: list[RoundedPrism], candidates: np.ndarray, mask: np.ndarray
+) -> tuple[RoundedPrism, float] | None:
+    """Return the prism for which candidates speak most, its slope refined, and how much, nats; None: for none.
+
+    prisms: `possible_prisms`; for the rest see `PolyhedronSearch`.
+    """
+    coarse, fine = (
+        _SampledView.of(candidates, mask, prisms[0].core.inverse_focal, *way) if prisms else None
+        for way in (TRIED, REFINED_AT)
+    )
+    if coarse is None or fine is None:
+        return None
+    likeliest = [
+        _climbed(prism, fine.log_ratio, SLOPE_STEPS_DEG)
+        for prism in sorted(prisms, key=coarse.log_ratio, reverse=True)[:REFINED]
+    ]
+    best = max(likeliest, key=fine.log_ratio)
+    largest = fine.log_ratio(best)
+    return (_climbed(best, fine.closeness, FINE_STEPS_DEG), largest) if largest > 0.0 else None
+
+
+def _climbed(prism: RoundedPrism, score: Callable[[RoundedPrism], float], steps_deg: Sequence[float]) -> RoundedPrism:
+    """Return the prism with the slope of the largest score, sought from its own by steps in degrees in turn."""
+    largest = score(prism)
+    for step in steps_deg:
+        beside = [prism.with_slope(prism.core.slope + sign * np.radians(step)) for sign in (-1.0, 1.0)]
+        largest, prism = max((largest, prism), *((score(other), other) for other in beside), key=itemgetter(0))
+    return prism
+
+
+@dataclass(frozen=True, slots=True)
+class _SampledView:
+    """View of every `stride`-th pixel in which prisms of the whole view are compared.
+
+    middle: (2,), where its centre lies in the whole view. tolerance_deg: of `rounded_log_ratio`.
+    """
+
+    shown: ShownCandidates
+    middle: np.ndarray
+    stride: int
+    tolerance_deg: float
+
+    @classmethod
+    def of(
+        cls, candidates: np.ndarray, mask: np.ndarray, inverse_focal: float, inradius: float, tolerance_deg: float
+    ) -> "_SampledView | None":
+        """Return that in which the object has about this inradius in pixels; None without candidates."""
+        stride = max(1, int(inradius_of(mask) / inradius))
+        sampled = mask[::stride, ::stride]
+        shown = ShownCandidates.of(candidates[:, ::stride, ::stride], sampled, inverse_focal * stride)
+        return None if shown is None else cls(shown, sampled_middle(mask.shape, stride), stride, tolerance_deg)
+
+    def log_ratio(self, prism: RoundedPrism) -> float:
+        """Return how much candidates speak for a prism, nats."""
+        return rounded_log_ratio(prism.seen_from(self.middle, self.stride), self.shown, self.tolerance_deg)
+
+    def closeness(self, prism: RoundedPrism) -> float:
+        """Return how close candidates are to a prism's normals."""
+        return -mean_deviation(prism.seen_from(self.middle, self.stride), self.shown)
+
+
+def rounded_normals(solid: RoundedPrism, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:
+    """Return what a mask (H, W) bool shows of a prism; log_ratio: how much candidates speak for it, nats."""
+    rows, columns = np.indices(mask.shape, dtype=float)
+    x, y = positions_at(rows, columns, mask.shape)
+    surface = solid.surface(x[mask], y[mask])
+    normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
+    faces = np.full(mask.shape, -1)
+    normals[mask], depths[mask], faces[mask] = surface.normals, surface.depths, solid.flat_faces(surface.normals)
+    view = unit(to_camera_directions(x, y, solid.core.inverse_focal))
+    filled = np.where(mask[..., None], with_nearest(normals, mask), np.nan)
+    return PolyhedralNormals(rotate_to_view(filled, view), depths, faces, log_ratio)

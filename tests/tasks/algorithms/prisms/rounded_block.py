@@ -1,0 +1,69 @@
+"""A box of glass with round edges, rendered from its distance function, under either camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from tests.tasks.algorithms.prisms.block import Block
+
+SHAPE = (150, 150)
+INVERSE_FOCAL = 1.0 / 400.0
+CAMERA = np.array([[1 / INVERSE_FOCAL, 0.0, 74.5], [0.0, 1 / INVERSE_FOCAL, 74.5], [0.0, 0.0, 1.0]])
+STEP, HALVINGS = 2.0, 14
+
+
+@dataclass(frozen=True)
+class RoundedBlock:
+    """A box about the origin with a square section, which a ball of this radius in pixels has grown from another.
+
+    slope: degrees by which its axis leans towards the camera. turn: degrees about the axis.
+    """
+
+    slope: float = 38.0
+    turn: float = 30.0
+    half_width: float = 40.0
+    half_height: float = 32.0
+    radius: float = 13.0
+    inverse_focal: float = 0.0
+
+    @property
+    def core(self) -> Block:
+        """The box that the ball has grown."""
+        turns = tuple(self.turn + quarter for quarter in (0.0, 90.0, 180.0, 270.0))
+        width, height = self.half_width - self.radius, self.half_height - self.radius
+        return Block(self.slope, turns, width, height, self.inverse_focal, SHAPE)
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Rotation (3, 3) from the frame of the box, y along its axis, to that of the camera."""
+        up, _, front, side = self.core.normals[:4]
+        return np.column_stack([side, up, front])
+
+    def render(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return normals (H, W, 3), camera frame, and z (H, W); NaN beside the box."""
+        rows, columns = np.indices(SHAPE).astype(float)
+        x, y = to_camera(columns.ravel(), rows.ravel(), SHAPE[1], SHAPE[0])
+        rays = np.column_stack([-self.inverse_focal * x, -self.inverse_focal * y, np.ones_like(x)])
+        starts = np.column_stack([x, y, np.zeros_like(x)])
+        high = float(np.linalg.norm([self.half_width, self.half_height, self.half_width]))
+        near = np.full(len(x), np.nan)
+        for z in np.arange(high, -high, -STEP):
+            is_hit = np.isnan(near) & (self._distance(starts + z * rays) < 0.0)
+            near[is_hit] = z
+        above, below = near + STEP, near
+        for _ in range(HALVINGS):
+            middle = (above + below) / 2.0
+            is_inside = self._distance(starts + middle[:, None] * rays) < 0.0
+            above, below = np.where(is_inside, above, middle), np.where(is_inside, middle, below)
+        points = starts + below[:, None] * rays
+        shifts = 1e-3 * np.eye(3)
+        slopes = [self._distance(points + shift) - self._distance(points - shift) for shift in shifts]
+        return unit(np.column_stack(slopes)).reshape(*SHAPE, 3), points[:, 2].reshape(SHAPE)
+
+    def _distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the distances (N,) of points (N, 3) from the box, negative inside."""
+        half = np.array([self.half_width, self.half_height, self.half_width])
+        beyond = np.abs(points @ self.rotation) - half + self.radius
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return outside + np.minimum(beyond.max(axis=1), 0.0) - self.radius
