@@ -98,6 +98,7 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
         (("goose",), "no object goose"),
         (("duck/front", "--undo", "1", "--author", "a\nb"), "the author's name"),
         (("../up",), "cannot be a name in the store"),
+        (("duck/../up",), "capture '../up' cannot be a name in the store"),
     ],
 )
 def test_mistakes_are_reported_and_nothing_is_saved(store: str, words: tuple[str, ...], message: str) -> None:
