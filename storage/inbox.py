@@ -172,7 +172,7 @@ class Inbox:
             InputError: there is no such folder; StoreError: inbox or store cannot be read, or the store not written.
         """
         check_folder(self.location)
-        names = folder_names(self.location)
+        names = frozenset(folder_names(self.location))
         finished = self._finished() | {submission.name: submission.digest for submission in done}
         kept = {name: digest for name, digest in sorted(finished.items()) if name in names}
         with store_errors(self._records.uri, "recording finished sub-folders"):

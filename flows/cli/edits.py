@@ -63,12 +63,13 @@ def edits(
         saved.append(opened.undo(undo, _name(author)))
     if discard:
         saved.append(opened.discard(_required(capture, name), _name(author)))
-    if out is not None:
-        for path in write_files(opened, [capture] if capture else opened.captures(), out):
-            echo(str(path))
-    elif takes or undo is not None or discard:
+    saves = takes or undo is not None or discard
+    if saves:
         _print_saved(object_id, [revision for revision in saved if revision is not None], as_json)
-    else:
+    if out is not None:
+        paths = write_files(opened, [capture] if capture else opened.captures(), out)
+        _print_files(paths, as_json)
+    elif not saves:
         _print_current(opened, capture, as_json)
 
 
@@ -139,6 +140,15 @@ def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None
     for revision in saved:
         echo(f"{object_id}/{revision.capture}: edit {revision.number}: {revision.sentence}")
     echo("next: glint run CATALOGUE" if saved else "nothing changes")
+
+
+def _print_files(paths: list[Path], as_json: bool) -> None:
+    """Print the files that were written."""
+    for path in paths:
+        if as_json:
+            print_lines([{"kind": "file", "path": str(path)}])
+        else:
+            echo(str(path))
 
 
 def _print_current(opened: "Edits", capture: str, as_json: bool) -> None:

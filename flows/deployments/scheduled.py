@@ -13,7 +13,6 @@ from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
 
 from glint.flows.deployments.environment import run_environment, tag_run
-from glint.flows.deployments.on_demand import request_objects
 from glint.flows.pipeline.catalogue import run_whole_catalogue
 from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.errors import printable
@@ -31,7 +30,6 @@ def scan_inbox(
     workers: int | None = None,
     quiet_minutes: float = 10.0,
     drift: float | None = None,
-    separate_runs: bool = False,
     allowed_folders: Sequence[str] = (),
 ) -> State[None]:
     """Run the new and changed captures of an inbox.
@@ -44,7 +42,6 @@ def scan_inbox(
         quiet_minutes: Leave sub-folders that changed within this many minutes for the next scan.
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees;
             null: do not compare.
-        separate_runs: Run each object as a flow run of its own by run-object/on-demand, which can be cancelled alone.
         allowed_folders: Folders or prefixes that sub-folders may name besides their own files.
     """
     tag_run()
@@ -54,7 +51,7 @@ def scan_inbox(
     if scan.batches:
         with run_environment(store, scheduler, workers):
             for batch in scan.batches:
-                errors = _run_batch(batch, store, scheduler, drift, separate_runs)
+                errors = _run_batch(batch, store, drift)
                 failed |= {batch.submissions[object_id].name: error for object_id, error in errors.items()}
                 # A sub-folder of several objects is finished when all of them are.
                 place.finish([item for item in batch.submissions.values() if item.name not in failed])
@@ -103,12 +100,8 @@ def evaluate_reference(
     return Completed(message=f"{len(evaluations)} captures evaluated{changed}")
 
 
-def _run_batch(
-    batch: Batch, store: str, scheduler: str | None, drift: float | None, separate_runs: bool
-) -> dict[str, str]:
+def _run_batch(batch: Batch, store: str, drift: float | None) -> dict[str, str]:
     """Run the objects of a batch; return the errors of those that failed at least in part, by object."""
-    if separate_runs:
-        return request_objects(batch.catalogue, {name: [] for name in batch.submissions}, store, scheduler, drift)
     result = run_whole_catalogue(batch.catalogue, store, list(batch.submissions), drift=drift)
     # The first error of an object wins.
     return {item.object_id: f"{item.name}: {item.error} -> {item.remedy}" for item in reversed(result.failed)}

@@ -196,7 +196,9 @@ class Listing:
             self._stamps[object_id] = stamp
             self._revision += 1
             self._ended.wait(REST_SHARE * (time.monotonic() - started))
-        self._is_complete = True
+        if not self._is_complete:
+            self._is_complete = True
+            self._revision += 1
 
     def _keep(self) -> None:
         while not self._ended.is_set():

@@ -7,6 +7,7 @@ whole or not at all. Runs of deployments have heartbeats besides (`deployments.a
 """
 
 import os
+import re
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 RUN_TAG = "glint"
 _PAGE = 200
+_PROCESS_TAG = re.compile(r"process (\S+) (\d{1,10}) (-?\d+\.\d\d)", re.ASCII)
+"""Machine, pid and start time; any other tag, from whomever, names no process."""
 
 IsOrphaned = Callable[[Sequence[str]], bool]
 """Whether the tags of a flow run name a process that has died."""
@@ -147,7 +150,5 @@ def _tag(pid: int) -> str:
 
 
 def _is_dead(tag: str) -> bool:
-    match tag.split():
-        case ["process", host, pid, seconds] if host == socket.gethostname() and pid.isdigit():
-            return not is_alive(int(pid), float(seconds))
-    return False
+    named = _PROCESS_TAG.fullmatch(tag)
+    return named is not None and named[1] == socket.gethostname() and not is_alive(int(named[2]), float(named[3]))

@@ -63,8 +63,10 @@ class Edits:
         """Return the edits of a capture, of the newest revision (None) or an earlier one (0: before the first).
 
         Raises:
-            StoreError: there is no such revision; DamagedError: they are not what was written.
+            StoreError: there is no such revision, or an id that cannot name a capture; DamagedError: they are not what
+                was written.
         """
+        check_name(capture_id, "capture")
         with self._errors(f"reading the edits of {capture_id}"):
             if revision is None:
                 at = records.newest_commit(self._index, self.object_id)

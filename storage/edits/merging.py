@@ -45,7 +45,7 @@ def same_value(first: Any, second: Any) -> bool:
     """Return whether two values of a field are equal; masks by their pixels."""
     if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
         return np.array_equal(first, second)
-    return first is second or (type(first) is type(second) and not isinstance(first, np.ndarray) and first == second)
+    return first is second or (type(first) is type(second) and first == second)
 
 
 def differing(first: EditedFields, second: EditedFields, fields: Iterable[str]) -> list[str]:

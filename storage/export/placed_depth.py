@@ -31,10 +31,11 @@ def placed_on_model(ahead: np.ndarray, camera: CaptureCamera, model: Mesh) -> np
     nearest = np.full(ahead.shape, np.inf)
     np.minimum.at(nearest, (rows[inside], columns[inside]), points[inside, 2])
     ratios = np.where(np.isfinite(nearest), nearest, np.nan) / ahead
-    pieces, count = ndimage.label(np.isfinite(ahead))
+    pieces, _ = ndimage.label(np.isfinite(ahead))
     placed = ahead.copy()
-    for piece in (pieces == number for number in range(1, count + 1)):
-        known = ratios[piece & np.isfinite(ratios)]
+    for number, box in enumerate(ndimage.find_objects(pieces), 1):
+        piece = pieces[box] == number
+        known = ratios[box][piece & np.isfinite(ratios[box])]
         if known.size >= MIN_VERTICES:
-            placed[piece] *= np.median(known)
+            placed[box][piece] *= np.median(known)
     return placed

@@ -21,6 +21,10 @@ from glint.tasks.stages.levels import levels, load_levels
 
 THUMBNAIL_SIZE = 112
 """Pixels of a thumbnail's longer side, twice what the catalogue view shows, for fine screens."""
+KEPT_FRAMES = 4
+"""First frames that a server keeps, each of as many bytes as the frame has pixels or twice that."""
+KEPT_THUMBNAILS = 500
+"""Thumbnails of captures that never ran which a server keeps, some kilobytes each."""
 SAMPLE_FRAMES = 24
 """Frames from which background and peak level are taken while the stage `frames` has no result."""
 LEVELS = ("background", "peak", "mean")
@@ -93,9 +97,12 @@ def thumbnail(context: CaptureContext) -> bytes:
     if "frames" in saved_records(context):
         background, peak = (eight_bits(level).astype(np.float32) for level in load_levels(context))
         # The peak level alone is nearly white where the light has been all round.
-        image = (0.6 * background + 0.4 * peak).astype(np.uint8)
-    else:
-        image = eight_bits(first_frame(context))
+        return _small_picture((0.6 * background + 0.4 * peak).astype(np.uint8))
+    return _first_thumbnail(*_stamped_address(context))
+
+
+def _small_picture(image: np.ndarray) -> bytes:
+    """Return a picture (H, W) uint8 as PNG whose longer side has THUMBNAIL_SIZE pixels."""
     scale = THUMBNAIL_SIZE / max(image.shape)
     size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
     return encode_png(cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
@@ -113,7 +120,7 @@ def first_frame(context: CaptureContext) -> np.ndarray:
     Raises:
         InputError: the video cannot be read.
     """
-    return _first_frame(_address(context), str(context.stamps(("frames",))))
+    return _first_frame(*_stamped_address(context))
 
 
 def surveyed_frame(context: CaptureContext) -> np.ndarray:
@@ -138,11 +145,20 @@ def frame_sample(context: CaptureContext) -> np.ndarray:
     Raises:
         InputError: the video cannot be read.
     """
-    return _frame_sample(_address(context), str(context.stamps(("frames",))))
+    return _frame_sample(*_stamped_address(context))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=KEPT_FRAMES)
 def _first_frame(address: str, stamp: str) -> np.ndarray:
+    return _read_first(address)
+
+
+@lru_cache(maxsize=KEPT_THUMBNAILS)
+def _first_thumbnail(address: str, stamp: str) -> bytes:
+    return _small_picture(eight_bits(_read_first(address)))
+
+
+def _read_first(address: str) -> np.ndarray:
     with open_footage(address) as footage:
         return next(iter(footage.frames()))
 
@@ -153,7 +169,8 @@ def _frame_sample(address: str, stamp: str) -> np.ndarray:
         return np.stack([eight_bits(frame) for frame in footage.spread(SAMPLE_FRAMES)])
 
 
-def _address(context: CaptureContext) -> str:
+def _stamped_address(context: CaptureContext) -> tuple[str, str]:
+    """Return the address of a capture's frames, and a text that is another one once they have changed."""
     address = context.file("frames")
     assert address is not None
-    return address
+    return address, str(context.stamps(("frames",)))

@@ -1,4 +1,4 @@
-"""The whole of Glint as in production, on this machine: `python -m tests.acceptance.constellation`.
+"""The whole of Glint as in production, on this machine: `python -m tests.acceptance.full_stack`.
 
 Postgres, a Prefect server on it, a Prefect worker, a Dask scheduler with two workers and an S3 gateway run as processes
 on loopback. Captures are put into the bucket `inbox`; the deployment of the nightly scan works through them; versions,

@@ -1,15 +1,15 @@
 """Near lights, near cameras with two spheres, and shake: what each source of evidence measures, against the truth.
 
-    python -m tests.benchmarks.light_distance [FOLDER OF SHARED DATA]
+    python -m tests.benchmarks.light_distance [DATA]
 
 First two spheres computed from the mirror law: relative error of a light's distance, one that stays and one that varies
 by a fifth, with one distance for all frames and with one that follows them. Then simulated captures with one sphere:
 distance by the background against the truth (near cameras: `near_camera`). Then the shared captures, up to the lights,
 with all spheres that the catalogue gives and with the first alone, without marks. Then false shake on the shared
-photographs and captures. Takes about ten minutes.
+photographs and captures. Takes about ten minutes. DATA: the folder of shared data.
 """
 
-import sys
+import argparse
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -162,4 +162,6 @@ def main(data: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2].parent / "shared" / "data")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", nargs="?", type=Path, default=Path(__file__).parents[2].parent / "shared" / "data")
+    main(parser.parse_args().data)

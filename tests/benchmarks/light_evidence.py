@@ -5,7 +5,7 @@
 on a store of `glint evaluate --perturbed` (`store` in its folder) or of `glint run`: a line for each capture.
 """
 
-import sys
+import argparse
 
 from scipy import ndimage
 
@@ -45,4 +45,8 @@ def main(store: str, objects: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("store")
+    parser.add_argument("objects", nargs="*", metavar="OBJECT")
+    arguments = parser.parse_args()
+    main(arguments.store, arguments.objects)

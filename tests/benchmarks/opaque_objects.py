@@ -1,12 +1,12 @@
 """Opaque objects of every finish under few and many lights: shading, error, share confident, share of these right.
 
-    python -m tests.benchmarks.opaque_objects
+    python -m tests.benchmarks.opaque_objects [SHAPE ...]
 
 The objects: `tests/opaque_objects.py`. A matte finish must have a shading above MAX_SHADING, or be refused; of the
 pixels at confidence 0.95, nine tenths must be within 5 degrees.
 """
 
-import sys
+import argparse
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,9 @@ LIGHTS = {"12 in 40": (12, 40.0), "42 in 30": (42, 30.0), "64 in 80": (64, 80.0)
 
 def main() -> None:
     """Print a line per shape, lights and finish."""
-    forms = sys.argv[1:] or ["sphere", "vase", "pebble"]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shapes", nargs="*", metavar="SHAPE", default=["sphere", "vase", "pebble"])
+    forms = parser.parse_args().shapes
     print("shape   lights    finish         shading observed median confident right")
     for form in forms:
         truth = shape(form)

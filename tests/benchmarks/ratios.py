@@ -5,6 +5,7 @@
 records what `make bench` has printed as the ratios of a release, in tests/benchmarks/released.json.
 """
 
+import argparse
 import json
 import re
 import sys
@@ -36,14 +37,18 @@ def ratios_of(text: str) -> dict[str, float]:
 
 def main() -> None:
     """Pass on what is read, and record its ratios."""
-    if len(sys.argv) != 2:
-        sys.exit("usage: make bench | python -m tests.benchmarks.ratios RELEASE")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("release")
+    release = parser.parse_args().release
     text = ""
     for row in sys.stdin:
         print(row, end="", flush=True)
         text += row
-    ratios = json.loads(RELEASED.read_text(encoding="utf-8"))["ratios"] | ratios_of(text)
-    RELEASED.write_text(json.dumps({"release": sys.argv[1], "ratios": ratios}, indent=2) + "\n", encoding="utf-8")
+    measured = ratios_of(text)
+    if not measured:
+        sys.exit("ratios: none was read, and none is recorded: pass on what `make bench` prints")
+    ratios = json.loads(RELEASED.read_text(encoding="utf-8"))["ratios"] | measured
+    RELEASED.write_text(json.dumps({"release": release, "ratios": ratios}, indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

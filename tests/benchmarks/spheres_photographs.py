@@ -1,9 +1,11 @@
 """Spheres and lights on real photographs and on rendered captures: errors and seconds.
 
-Usage: python tests/benchmarks/spheres_photographs.py [FOLDER OF SHARED DATA]
+    python -m tests.benchmarks.spheres_photographs [DATA]
+
+DATA: folder of shared data.
 """
 
-import sys
+import argparse
 import time
 from pathlib import Path
 
@@ -76,4 +78,6 @@ def main(data: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2].parent / "shared" / "data")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", nargs="?", type=Path, default=Path(__file__).parents[2].parent / "shared" / "data")
+    main(parser.parse_args().data)

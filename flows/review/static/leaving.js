@@ -12,7 +12,8 @@ export function guardLeaving(isDirty, forget, signal) {
   };
   document.addEventListener("click", (event) => {
     const link = event.target.closest?.("a[href^='#/']");
-    if (link && link.getAttribute("href") !== location.hash) refuse(event);
+    const isForThisTab = !(event.ctrlKey || event.metaKey || event.shiftKey);
+    if (isForThisTab && link && link.getAttribute("href") !== location.hash) refuse(event);
   }, { signal, capture: true });
   addEventListener(LEAVE, refuse, { signal });
   addEventListener("beforeunload", (event) => { if (isDirty()) event.preventDefault(); }, { signal });

@@ -45,9 +45,12 @@ def photographs(
     if "lights" not in stages or "cache" not in stored.record:
         return
     lights = stages["lights"].read("lights")
+    chosen = spread_frames(lights, n_frames)
+    if not chosen:
+        return
     try:
         cache = FrameCache.open(location, str(stored.record["cache"]))
-        for frame in spread_frames(lights, n_frames):
+        for frame in chosen:
             x, y, z = (round(float(part), 5) for part in lights[frame])
             yield Photograph("frame", _cached_photograph(cache, frame, scale), frame, (x, y, z))
     except StoreError:
@@ -78,7 +81,7 @@ def spread_frames(lights: np.ndarray, count: int) -> list[int]:
     The first is the one nearest to the camera's axis; frames without a light (NaN) are left out. Sorted.
     """
     known = np.flatnonzero(np.isfinite(lights).all(axis=-1))
-    if not known.size:
+    if not known.size or not count:
         return []
     directions = lights[known].astype(float)
     chosen = [int(directions[:, 2].argmax())]

@@ -48,6 +48,16 @@ def test_edits_are_listed(store: str) -> None:
     assert "nothing is edited" in glint("edits", "duck/back", "--store", store)
 
 
+def test_what_is_saved_and_what_is_written_are_both_printed(store: str, tmp_path: Path) -> None:
+    words = "edits", "duck/front", "--store", store, "--undo", "2", "--author", "Ann", "--out"
+    saved, written = rows(*words, str(tmp_path / "first"))
+    assert (saved["kind"], saved["undoes"]) == ("edit", 2)
+    assert written == {"kind": "file", "path": str(tmp_path / "first" / "edits.yaml")}
+    assert glint("edits", "duck/front", "--store", store, "--out", str(tmp_path / "second")).split() == [
+        str(tmp_path / "second" / "edits.yaml")
+    ]
+
+
 def test_the_history_lists_edits_with_author_time_and_sentence(store: str) -> None:
     first, second = rows("history", "duck", "--store", store)
     assert (first["kind"], first["object"]) == ("edit", "duck")
@@ -88,6 +98,7 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
         (("goose",), "no object goose"),
         (("duck/front", "--undo", "1", "--author", "a\nb"), "the author's name"),
         (("../up",), "cannot be a name in the store"),
+        (("duck/../up",), "capture '../up' cannot be a name in the store"),
     ],
 )
 def test_mistakes_are_reported_and_nothing_is_saved(store: str, words: tuple[str, ...], message: str) -> None:

@@ -6,6 +6,7 @@ from glint.flows.reporting.events import (
     CaptureEnded,
     CaptureFailed,
     Event,
+    Message,
     RunProgress,
     StageEnded,
     StageProgress,
@@ -100,6 +101,24 @@ def test_stages_that_were_stored_measure_no_speed_and_have_nothing_left() -> Non
     (event,) = time_left.follow(StageProgress("a/1", "labels", 1, 2), 4.0)
     assert isinstance(event, StageProgress) and event.seconds_left is not None
     assert 4.0 < event.seconds_left < 7.0
+
+
+def test_neither_a_pause_between_stages_nor_the_beginning_of_one_changes_the_speed() -> None:
+    time_left = TimeLeft(NAMES)
+    time_left.expect(["a/1", "a/2"])
+    list(time_left.follow(StageStarted("a/1", "frames"), 0.0))
+    list(time_left.follow(StageProgress("a/1", "frames", FRAMES, FRAMES), 20.0))
+    list(time_left.follow(StageEnded("a/1", "frames", 20.0, frames=FRAMES), 20.0))
+    runs = [list(time_left.follow(Message(""), now))[-1] for now in (22.0, 60.0)]
+    assert isinstance(runs[0], RunProgress) and runs[0].seconds_left is not None and runs[0] == runs[1]
+    list(time_left.follow(StageStarted("a/1", "labels"), 60.0))
+    left = [
+        event.seconds_left
+        for done, now in ((0, 60.0), (1, 62.0))
+        for event in time_left.follow(StageProgress("a/1", "labels", done, 100), now)
+        if isinstance(event, StageProgress)
+    ]
+    assert left[0] is not None and left[1] == pytest.approx(left[0] - 2.0, abs=0.1)
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,11 @@ from urllib.parse import urlsplit
 
 import pytest
 from starlette.datastructures import Headers
-from starlette.types import Message
+from starlette.requests import ClientDisconnect, Request
+from starlette.types import Message, Receive, Scope, Send
 
-from glint.flows.review.access import REFUSAL_SECONDS, Access, Guard
+from glint.flows.review import access as access_module
+from glint.flows.review.access import MAX_TOKEN_BYTES, REFUSAL_SECONDS, Access, Guard
 from tests.flows.review.conftest import ServedPage
 
 ORIGIN = "http://127.0.0.1:4300"
@@ -96,6 +98,32 @@ def test_a_token_that_is_cut_short_is_no_error_of_the_server() -> None:
     scope = {"type": "http", "method": "POST", "path": "/api/session", "headers": [host]}
     asyncio.run(Guard(app, access)(scope, receive, send))
     assert [message["status"] for message in sent if "status" in message] == [400]
+
+
+def test_what_states_no_length_is_read_no_further_than_the_longest_that_is_allowed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(access_module, "MAX_BODY_BYTES", 20 * MAX_TOKEN_BYTES)
+    access, statuses, read = Access((ORIGIN,)), list[int](), list[int]()
+
+    async def receive() -> Message:
+        read.append(MAX_TOKEN_BYTES)
+        return {"type": "http.request", "body": b"x" * MAX_TOKEN_BYTES, "more_body": len(read) < 100}
+
+    async def send(message: Message) -> None:
+        statuses.extend([message["status"]] if "status" in message else [])
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        with pytest.raises(ClientDisconnect):
+            await Request(scope, receive).body()
+
+    headers = [(b"host", urlsplit(ORIGIN).netloc.encode()), (b"cookie", f"{access.cookie}={access.session}".encode())]
+    scope = {"type": "http", "method": "POST", "headers": headers}
+    asyncio.run(Guard(app, access)(scope | {"path": "/api/session"}, receive, send))
+    assert (statuses, len(read)) == ([413], 2)
+    read.clear()
+    asyncio.run(Guard(app, access)(scope | {"path": "/api/captures"}, receive, send))
+    assert len(read) == 21
 
 
 def test_wrong_passwords_wait_for_each_other_and_right_ones_for_none(served: ServedPage) -> None:

@@ -179,3 +179,25 @@ def test_rows_that_are_older_than_others_are_asked_for_again(tab: Tab) -> None:
     polled.clear()
     until(lambda: bool(page.wait_for_timeout(50)) or len(polled) > 1)
     assert polled[-1] == "5"
+
+
+def test_what_is_still_growing_when_a_person_saves_is_saved_as_well(served: ServedPage, tab: Tab) -> None:
+    page, (x, y) = tab.open(INPUTS, READY), middle_of(served)
+    page.wait_for_selector("section[data-pixels]")
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("input[aria-label='Millimetres of a pixel']", "0.5")
+    page.keyboard.press("Enter")
+    page.keyboard.press("w")
+    held = Held(tab, "**/growth?*")
+    page.keyboard.down("Shift")
+    page.mouse.click(*place(tab, x, y))
+    page.keyboard.up("Shift")
+    held.wait()
+    page.keyboard.press("Control+s")
+    page.wait_for_timeout(300)
+    held.release()
+    tab.wait("document.getElementById('status').textContent === 'Saved.'")
+    edits = asked(served, "edits")
+    assert edits["pixel_size"] == 0.5 and edits["has_mask"]
+    page.click("text=take back")
+    tab.wait("document.getElementById('status').textContent === 'Taken back.'")

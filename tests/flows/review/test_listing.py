@@ -45,6 +45,17 @@ def test_a_published_capture_has_its_figures(stored: tuple[Path, Path]) -> None:
     assert row.confident is not None and 0 < row.confident <= 1
 
 
+def test_a_page_with_all_rows_is_told_that_the_store_has_been_read(tmp_path: Path) -> None:
+    made = Listing(Location.parse(tmp_path), None, Runs(str(tmp_path)))
+    stored, before = made.refresh_names(), made.view("", (), "name", 0, 10)
+    made.read_changed(stored)
+    after = made.view("", (), "name", 0, 10)
+    assert (before.complete, after.complete) == (False, True)
+    assert after.revision > before.revision
+    made.read_changed(made.refresh_names())
+    assert made.revision == after.revision
+
+
 def test_another_server_has_other_revisions(tmp_path: Path) -> None:
     """A page that outlives its server asks the next one for what is new since its own revision."""
     revisions = list[int]()

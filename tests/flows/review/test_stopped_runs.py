@@ -82,6 +82,24 @@ def test_a_run_that_is_done_before_it_stops_is_done() -> None:
 
 
 @pytest.mark.long
+def test_the_page_says_why_it_cannot_follow_a_run(tab: Tab) -> None:
+    """A server that refuses is none that has ended."""
+    run: dict[str, Any] = {"state": "running", "stage": "labels", "stages": {}, "seconds": 70.0, "total": None}
+    run |= {"seconds_left": None, "is_stopping": False}
+    answers = [lambda route: route.fulfill(json=run), lambda route: route.fulfill(status=401, json={})]
+    answers.append(lambda route: route.abort())
+    tab.page.route("**/front/run", lambda route: answers[0](route))
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("aside .run >> text=labels · for 70 s")
+    for text in ("this browser is not let in any longer", "The server does not answer."):
+        answers.pop(0)
+        page.wait_for_selector(f"aside .run >> text={text}")
+    page.unroute("**/front/run")
+    settle(tab)
+    tab.complaints[:] = [text for text in tab.complaints if "401" not in text and "ERR_FAILED" not in text]
+
+
+@pytest.mark.long
 def test_the_page_stops_a_run_and_another_can_be_started(tab: Tab) -> None:
     run: dict[str, Any] = {"state": "running", "stage": "labels", "stages": {}, "seconds": 70.0, "total": None}
     run |= {"seconds_left": None, "is_stopping": False, "error": "", "remedy": "", "version": ""}

@@ -6,6 +6,7 @@ import pytest
 
 from tests.flows.review.conftest import Tab
 from tests.flows.review.inputs_view import INPUTS, settle
+from tests.flows.review.test_late_answers import Held
 
 pytestmark = pytest.mark.long
 
@@ -19,6 +20,16 @@ def surface(tab: Tab) -> Any:
     tab.page.evaluate("view => { location.hash = view; }", INPUTS.replace("inputs", "surface"))
     tab.wait(OPEN)
     yield tab
+    settle(tab)
+
+
+def test_a_version_whose_parts_come_after_another_was_chosen_is_not_drawn(tab: Tab) -> None:
+    held = Held(tab, "**/surface/normals")
+    tab.page.evaluate("view => { location.hash = view; }", INPUTS.replace("inputs", "surface"))
+    held.wait()
+    tab.page.evaluate("document.querySelector('[aria-label=Version]').dispatchEvent(new Event('change'))")
+    tab.wait(f"{SURFACE}?.capture !== undefined")
+    held.release()
     settle(tab)
 
 

@@ -56,3 +56,40 @@ def test_one_finger_paints_and_two_zoom(tablet: tuple[Tab, Any]) -> None:
     touch(sender, "touchEnd")
     tab.wait(f"{PIXELS} !== '{before}'")
     assert page.is_enabled(".save button:has-text('Undo')")
+
+
+def test_more_fingers_take_back_the_corner_of_the_first_alone(tablet: tuple[Tab, Any]) -> None:
+    tab, sender = tablet
+    tab.page.tap("[data-tool=polygon]")
+    points = [place(tab, x, 8) for x in (8, 20, 32, 44)]
+    for point in points[:2]:
+        touch(sender, "touchStart", point)
+        touch(sender, "touchEnd")
+    touch(sender, "touchStart", points[1])
+    touch(sender, "touchStart", *points[1:3])
+    touch(sender, "touchStart", *points[1:])
+    touch(sender, "touchEnd")
+    tab.page.keyboard.press("Backspace")
+    tab.wait("document.getElementById('status').textContent === '1 corner'")
+    tab.page.keyboard.press("Escape")
+
+
+def test_a_camera_follows_the_pointer_only_while_it_is_held(tablet: tuple[Tab, Any]) -> None:
+    tab, sender = tablet
+    page, turn = tab.open(INPUTS.replace("inputs", "poses"), ".plan .camera"), ".plan .camera[aria-valuenow='10']"
+    page.select_option("aside select", "turntable")
+    page.fill("aside tbody input", "10")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(turn)
+    box, plan = page.locator(".plan .camera rect").bounding_box(), page.locator(".plan").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down(button="right")
+    page.mouse.move(plan["x"] + plan["width"] / 2, plan["y"])
+    page.mouse.up(button="right")
+    assert page.is_visible(turn), "the right button turns nothing"
+    touch(sender, "touchStart", (x, y))
+    touch(sender, "touchCancel")
+    page.mouse.move(x, y)
+    page.mouse.move(x + 8, y)
+    assert page.is_visible(turn), "a finger that the browser has taken holds it no longer"

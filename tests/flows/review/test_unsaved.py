@@ -62,6 +62,26 @@ def test_back_and_the_skip_link_lose_nothing(tab: Tab) -> None:
     tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
 
 
+def test_a_link_that_is_opened_in_another_tab_asks_nothing_and_loses_nothing(tab: Tab) -> None:
+    page, questions = tab.open(INPUTS, READY), list[str]()
+    page.focus("main")
+    page.keyboard.press("s")
+    page.keyboard.press("a")
+
+    def answer(dialog: Any) -> None:
+        questions.append(dialog.message)
+        dialog.accept()
+
+    page.on("dialog", answer)
+    with page.context.expect_page() as opened:
+        page.click("#tabs a >> text=Versions", modifiers=["Control"])
+    opened.value.close()
+    assert not questions and page.evaluate("location.hash") == INPUTS
+    assert page.is_enabled(".save button:has-text('Undo')")
+    page.keyboard.press("Control+z")
+    tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
+
+
 def test_corners_of_a_polygon_are_not_left_without_a_question(tab: Tab) -> None:
     page, questions = tab.open(INPUTS, READY), list[str]()
 

@@ -107,4 +107,5 @@ def test_only_processes_of_this_machine_are_judged() -> None:
     word, host, pid, created = mine.split()
     assert _is_dead(f"{word} {host} {pid} {float(created) - 60:.2f}")
     assert not _is_dead(f"{word} elsewhere {pid} 1.00")
-    assert not _is_dead("something else")
+    for strange in ("something else", f"{word} {host} ² 1.00", f"{word} {host} {pid} soon", f"{word} {host} {pid} nan"):
+        assert not _is_dead(strange)

@@ -60,6 +60,7 @@ def test_everything_is_read_back_as_it_was_saved(edits: Edits, location: Locatio
     assert current.mask is not None and current.mask.dtype == bool
     np.testing.assert_array_equal(current.mask, drawn_mask())
     assert [(note.author, note.text, note.time) for note in current.notes] == [("Ann", "the rim\nwas cut", saved.time)]
+    assert set(current.changes) == {*VALUES, "mask"}, "a note is no field"
     assert {change.author for change in current.changes.values()} == {"Ann"}
     assert edits.current("back").edited == ()
     assert edits.captures() == ["front"]

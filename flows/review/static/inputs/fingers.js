@@ -14,7 +14,7 @@ export function followFingers(picture, signal) {
     fingers.set(event.pointerId, picture.offset(event));
     if (fingers.size < 2) return;
     event.stopImmediatePropagation();
-    container.dispatchEvent(new PointerEvent("pointercancel"));
+    if (fingers.size === 2) container.dispatchEvent(new PointerEvent("pointercancel"));
     last = hold();
   }, { signal, capture: true });
   container.addEventListener("pointermove", (event) => {

@@ -8,17 +8,18 @@ const REST_MS = 250;
 
 export class Growth {
   constructor(view, mask) {
-    Object.assign(this, { view, mask, last: null, begin: newest() });
+    // pending: resolves when what grows is in the mask, or has failed.
+    Object.assign(this, { view, mask, last: null, pending: null, begin: newest() });
     this.tolerance = element("input", { type: "range", min: "0", max: "120", value: String(TOLERANCE), "aria-label": "Tolerance of growing, in levels of 255", oninput: () => this.adjust() });
     this.output = element("output", {}, String(TOLERANCE));
     this.root = element("label", { class: "line" }, "Tolerance", this.tolerance, this.output);
   }
 
   /** Grows from a pixel of the picture that is shown: into the mask, or out of it. */
-  async grow(point, cutsOut) {
+  grow(point, cutsOut) {
     const [x, y] = [Math.round(point.x), Math.round(point.y)];
     this.last = null;
-    await this.apply({ x, y, cutsOut, picture: this.view.shown });
+    this.pending = this.apply({ x, y, cutsOut, picture: this.view.shown });
   }
 
   /** Grows anew what was grown last, with the tolerance that was just set. */
@@ -28,7 +29,7 @@ export class Growth {
     this.timer = setTimeout(() => {
       const { last } = this;
       const isLastStep = last && this.view.history.done.at(-1) === last.step;
-      if (last && (isLastStep || !last.step)) this.apply(last);
+      if (last && (isLastStep || !last.step)) this.pending = this.apply(last);
     }, REST_MS);
   }
 

@@ -140,7 +140,7 @@ export class Picture {
       if (Math.hypot(x, y) > CLICK_PX) start.moved = true;
       if (start.pans && start.moved) this.place(this.zoom, start.stageX + x, start.stageY + y);
     }, { signal });
-    addEventListener("pointerup", () => (start = start && { ...start, pans: false, ended: true }), { signal });
+    addEventListener("pointerup", () => (start = start && { ...start, pans: false }), { signal });
     this.container.addEventListener("click", (event) => {
       if (start && !start.moved && this.onclick) this.onclick(this.pointer(event), event);
       start = null;

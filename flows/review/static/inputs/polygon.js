@@ -1,6 +1,7 @@
 // The polygon that is filled into the mask, or cut out of it: corners set by clicks, or by keys at a cursor.
 
 import { announce } from "../dom.js";
+import { pixelAt } from "../rounding.js";
 import { Konva } from "../vendor.js";
 
 const CLOSE_PX = 10;
@@ -24,7 +25,7 @@ export class Polygon {
 
   toolChanged() {
     if (!this.isChosen) this.cancel();
-    else this.cursor.position(rounded(this.view.picture.centre()));
+    else this.cursor.position(pixelAt(this.view.picture.centre()));
     this.cursor.visible(this.isChosen);
   }
 
@@ -109,8 +110,4 @@ export class Polygon {
     this.path.visible(false);
     return had;
   }
-}
-
-function rounded({ x, y }) {
-  return { x: Math.round(x), y: Math.round(y) };
 }

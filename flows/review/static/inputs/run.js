@@ -1,6 +1,6 @@
 // "Run from here": the ordinary run of this capture, with its progress. It goes on without its server, and is found again.
 
-import { ask } from "../api.js";
+import { ask, NO_ANSWER } from "../api.js";
 import { announceError, duration, element, percent } from "../dom.js";
 
 const POLL_MS = 700;
@@ -86,7 +86,8 @@ export class RunPanel {
       else this.followRow(await ask(this.row, { signal: this.view.signal }), looks);
     } catch (error) {
       if (error.name === "AbortError") return;
-      this.show("The server does not answer. The run goes on without it: start glint review again.", "doubt", null);
+      const absence = "The server does not answer. The run goes on without it: start glint review again.";
+      this.show(error.status === NO_ANSWER ? absence : error.message, "doubt", null);
       this.later(() => this.look(), RETRY_MS);
     }
   }

@@ -44,6 +44,7 @@ export class SavePanel {
     if (!author) return false;
     const refusal = shownRefusal();
     return this.finish(() => announceSaved(refusal), async () => {
+      await this.view.mask.growth.pending;
       const changes = await this.view.changes();
       if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
     });

@@ -2,6 +2,7 @@
 
 import { ask } from "../api.js";
 import { announceError, element } from "../dom.js";
+import { hundredths } from "../rounding.js";
 import { Konva } from "../vendor.js";
 import { isSame } from "./edited_value.js";
 import { LEAST_RADIUS_PX, SphereList } from "./sphere_list.js";
@@ -47,9 +48,8 @@ export class SphereLayer {
 
   changes() {
     if (!this.isChanged) return {};
-    const round = (value) => Math.round(value * 100) / 100;
     return {
-      spheres: this.spheres.map(({ x, y, radius, diameter_mm }) => ({ x: round(x), y: round(y), radius: round(radius), ...(diameter_mm ? { diameter_mm } : {}) })),
+      spheres: this.spheres.map(({ x, y, radius, diameter_mm }) => ({ x: hundredths(x), y: hundredths(y), radius: hundredths(radius), ...(diameter_mm ? { diameter_mm } : {}) })),
     };
   }
 

@@ -49,7 +49,7 @@ export class Plan {
       draw("image", { href: `${path}/thumbnail`, x: String(-CAMERA / 2 + 1), y: String(-CAMERA / 2 + 1), width: String(CAMERA - 2), height: String(CAMERA - 2) }),
       draw("title", {}, capture), draw("text", { y: String(CAMERA / 2 + 8) }, capture.length > LONGEST_NAME ? `${capture.slice(0, LONGEST_NAME)}…` : capture));
     group.addEventListener("pointerdown", (event) => {
-      if (this.views[number].pose?.turntable === undefined) return;
+      if (event.button !== 0 || this.views[number].pose?.turntable === undefined) return;
       event.preventDefault();
       group.setPointerCapture(event.pointerId);
       group.focus();
@@ -57,7 +57,8 @@ export class Plan {
       this.before = this.views[number].pose;
     });
     group.addEventListener("pointermove", (event) => this.moving === number && this.onturn(number, this.angle(event)));
-    group.addEventListener("pointerup", () => {
+    // Also where the browser takes the pointer away.
+    group.addEventListener("lostpointercapture", () => {
       if (this.moving !== number) return;
       this.moving = null;
       this.onend(number, this.before);

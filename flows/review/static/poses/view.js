@@ -6,6 +6,7 @@ import { addStyleSheets, announceError, announceNothingChanged, announceSaved, e
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
+import { hundredths } from "../rounding.js";
 import { Plan, direction, legend, turnOf } from "./plan.js";
 import { poseOf } from "./pose.js";
 import { PoseRow } from "./row.js";
@@ -88,7 +89,7 @@ class PosesView {
   }
 
   spread(way) {
-    const turned = (number) => ({ turntable: Math.round((way * number * FULL_TURN * 100) / this.views.length) / 100 });
+    const turned = (number) => ({ turntable: hundredths((way * number * FULL_TURN) / this.views.length) });
     this.change(this.views.flatMap(({ damage }, number) => (damage ? [] : [[number, turned(number)]])));
   }
 

@@ -3,6 +3,7 @@
 import { ask, newest } from "../api.js";
 import { element } from "../dom.js";
 import { Picture } from "../inputs/picture.js";
+import { pixelAt } from "../rounding.js";
 import { Timeline } from "../timeline.js";
 import { Konva } from "../vendor.js";
 import { KIND_COLOURS, TINT } from "./loop.js";
@@ -136,7 +137,7 @@ export class FreeMarks {
 
   moveCursor(x, y) {
     const { cursor, picture } = this;
-    if (!cursor.visible()) cursor.setAttrs({ ...rounded(picture.centre()), visible: true });
+    if (!cursor.visible()) cursor.setAttrs({ ...pixelAt(picture.centre()), visible: true });
     else cursor.position({ x: Math.max(0, Math.min(picture.width - 1, cursor.x() + x)), y: Math.max(0, Math.min(picture.height - 1, cursor.y() + y)) });
     this.draw();
   }
@@ -205,8 +206,4 @@ function filled(points) {
     const count = Math.max(1, Math.ceil(Math.hypot(next.x - point.x, next.y - point.y) / 2));
     return Array.from({ length: count }, (_, k) => ({ x: point.x + ((next.x - point.x) * k) / count, y: point.y + ((next.y - point.y) * k) / count }));
   });
-}
-
-function rounded({ x, y }) {
-  return { x: Math.round(x), y: Math.round(y) };
 }

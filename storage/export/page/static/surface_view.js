@@ -211,8 +211,9 @@ export class SurfaceView {
     this.stage.caption.textContent = [text, reduced].filter(Boolean).join(". ");
   }
 
-  /** Give the graphics memory back. */
+  /** Give the graphics memory back; a capture that is still being read is not shown. */
   dispose() {
+    this.drawn += 1;
     this.forgetPictures();
     this.relight.dispose();
   }

@@ -101,3 +101,4 @@ def test_frames_come_from_all_sides() -> None:
     assert len(frames) == 4 and np.isfinite(lights[frames]).all()
     assert np.diff([*frames, frames[0] + 360]).min() > 40
     assert spread_frames(np.full((5, 3), np.nan), 4) == [] and spread_frames(lights[:3], 9) == [0, 1, 2]
+    assert spread_frames(lights, 1) == [0] and spread_frames(lights, 0) == []
