@@ -48,6 +48,19 @@ def moving_parts(region: Region | None, spheres: Sequence[Sphere], size: tuple[i
     return parts
 
 
+def check_frame(size: tuple[int, int]) -> None:
+    """Check that frames of `size` (rows, columns) in pixels can hold an object.
+
+    Raises:
+        InputError: they are too small.
+    """
+    if min(size) < MIN_REGION_PX:
+        raise InputError(
+            f"the frames are {size[1]} x {size[0]} pixels, too small for any object",
+            f"export them in full size: at least {MIN_REGION_PX} pixels wide and high, and in practice some hundreds",
+        )
+
+
 def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
     """Check that given spheres, in pixels, lie inside a frame of `size` (rows, columns).
 

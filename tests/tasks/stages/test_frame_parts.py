@@ -13,6 +13,7 @@ from glint.tasks.stages.frame_parts import (
     MIN_REGION_PX,
     around,
     check_camera,
+    check_frame,
     check_light_source,
     check_region,
     check_spheres,
@@ -35,6 +36,14 @@ def test_the_pixels_of_a_region_are_those_of_its_rows_and_columns() -> None:
     inside = within(Region(x=3, y=7, width=20, height=10), SIZE)
     assert inside is not None and inside.sum() == 200 and inside[7, 3] and inside[16, 22]
     assert within(None, SIZE) is None
+
+
+@pytest.mark.parametrize("size", [(1, 400), (400, 1), (MIN_REGION_PX - 1, 400)])
+def test_frames_that_hold_no_object_are_refused_with_their_size(size: tuple[int, int]) -> None:
+    with pytest.raises(InputError, match=f"are {size[1]} x {size[0]} pixels, too small") as caught:
+        check_frame(size)
+    assert f"at least {MIN_REGION_PX} pixels" in caught.value.remedy
+    check_frame((MIN_REGION_PX, 400))
 
 
 def test_what_moves_with_the_light_is_the_object_and_a_square_around_each_sphere() -> None:
