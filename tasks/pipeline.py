@@ -43,7 +43,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=39,
+        version=40,
     ),
     Stage(
         "frames",
