@@ -12,6 +12,7 @@ from glint.tasks.stages.frame_parts import (
     MIN_FOCAL_SHARE,
     MIN_REGION_PX,
     around,
+    camera_warnings,
     check_camera,
     check_frame,
     check_light_source,
@@ -101,3 +102,30 @@ def test_spheres_that_a_person_drew_and_known_lights_exclude_each_other() -> Non
     check_light_source([], "lights.lp")
     with pytest.raises(InputError, match="known lights"):
         check_light_source([Sphere(1.0, 1.0, 1.0)], "lights.lp")
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "words"),
+    [
+        (500.0, 375.0, None),
+        (375.0, 500.0, "principal point (375, 500) is 177 pixels beside the middle of the frame of 1001 x 751"),
+        (390.0, 510.0, "with x and y exchanged"),
+        (700.0, 300.0, None),
+        (300.0, 700.0, None),
+        (500.0, 800.0, "(500, 800) lies outside the frame of 1001 x 751"),
+        (-20.0, 375.0, "lies outside"),
+        (1400.0, 375.0, "matrix of this resolution"),
+    ],
+)
+def test_a_principal_point_that_contradicts_the_frame_is_reported(x: float, y: float, words: str | None) -> None:
+    warnings = camera_warnings(Camera(matrix=((2000.0, 0.0, x), (0.0, 2000.0, y), (0.0, 0.0, 1.0))), (751, 1001))
+    assert [words in warning.message for warning in warnings if words] == [True] * (words is not None)
+    assert len(warnings) == (words is not None)
+    for warning in warnings:
+        assert warning.cause == "camera"
+        assert warning.cost_deg == pytest.approx(np.degrees(np.arctan(np.hypot(x - 500.0, y - 375.0) / 2000.0)))
+
+
+def test_a_square_frame_shows_no_exchange_and_no_camera_is_no_fault() -> None:
+    camera = Camera(matrix=((900.0, 0.0, 390.0), (0.0, 900.0, 520.0), (0.0, 0.0, 1.0)))
+    assert camera_warnings(camera, (1001, 1001)) == [] and camera_warnings(None, SIZE) == []
