@@ -75,7 +75,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=18,
+        version=19,
     ),
     Stage(
         "mask",
