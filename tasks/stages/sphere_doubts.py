@@ -14,9 +14,11 @@ MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
-MIN_RADIUS_PX = 19.5
-"""Radius of a sphere that was not given below which it is doubted: the guide asks for 40 pixels across, and the contour
-of a smaller one can vanish beside the edge of what it mirrors."""
+MIN_RADIUS_PX, SMALL_SPHERE_DEG = 19.5, 20.0
+"""Radius of a sphere that was not given below which it is doubted, and the error of its half vectors then: the guide
+asks for 40 pixels across, and the contour of a smaller one can vanish beside the edge of what it mirrors. Of ten found
+with smaller radii on simulated captures, two were no sphere at all, with errors of 40 degrees, and one was an edge
+inside it, with 6 degrees; their fits had stated none of it."""
 MIN_OUTVOTED_DEG = 5.0
 """Median angle between a sphere's half vectors and those of all that counts as left out, by default."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
@@ -42,11 +44,13 @@ def inner_edge_error(result: Lights) -> float:
 def circles_error(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> float:
     """Return the error, radians per axis, of half vectors that the spheres' fits do not state; see `sphere_doubts`.
 
-    It is `inner_edge_error`, and that of spheres which disagree: their mean may be off by as much as each is from it.
+    It is `inner_edge_error`, that of small spheres that were found, and that of spheres which disagree: their mean may
+    be off by as much as each is from it.
     """
     angle = None if is_near else _disagreement_angle(spheres, result)
-    disagreement = 0.0 if angle is None else np.radians(angle) / np.sqrt(2.0)
-    return float(np.hypot(inner_edge_error(result), disagreement))
+    size_deg = SMALL_SPHERE_DEG if _smallest_radius(spheres) < MIN_RADIUS_PX else 0.0
+    others = np.radians([0.0 if angle is None else angle, size_deg]) / np.sqrt(2.0)
+    return float(np.hypot(inner_edge_error(result), np.linalg.norm(others)))
 
 
 def sphere_doubts(
@@ -113,8 +117,7 @@ def _contour_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) ->
 
 def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | None:
     """Return a warning of a sphere that is small and was found, or measured in place of a given circle."""
-    # A given circle that stands has the score 1.
-    smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
+    smallest = _smallest_radius(spheres)
     if smallest >= MIN_RADIUS_PX:
         return None
     message = (
@@ -122,7 +125,13 @@ def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | Non
         " edge inside it: use a sphere of at least 40 pixels across"
         + ("" if is_given else ", or give `spheres` in the catalogue")
     )
-    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+    return StageWarning(message, "sphere", SMALL_SPHERE_DEG)
+
+
+def _smallest_radius(spheres: Sequence[Sphere]) -> float:
+    """Return the smallest radius in pixels of spheres that were found, infinite if all were given."""
+    # A given circle that stands has the score 1.
+    return min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=float("inf"))
 
 
 def _inner_edge_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) -> StageWarning | None:

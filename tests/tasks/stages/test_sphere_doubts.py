@@ -95,6 +95,14 @@ def test_spheres_that_disagree_are_told_unless_a_near_light_explains_it(
     ] * is_told
 
 
+@pytest.mark.parametrize(("radius", "score", "error_deg"), [(17.0, 0.3, 14.1), (17.0, 1.0, 0.0), (40.0, 0.3, 0.0)])
+def test_the_half_vectors_of_a_small_sphere_that_was_found_are_not_trusted(
+    radius: float, score: float, error_deg: float
+) -> None:
+    error = circles_error([Sphere(0.0, 0.0, radius, score)], LIGHTS, is_near=False)
+    assert np.degrees(error) == pytest.approx(error_deg, abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("angle", "is_near", "error_deg"), [(1.5, False, 1.06), (1.5, True, 0.0), (0.5, False, 0.0), (np.nan, False, 0.0)]
 )
