@@ -16,9 +16,8 @@ MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
 MIN_RADIUS_PX, SMALL_SPHERE_DEG = 19.5, 20.0
 """Radius of a sphere that was not given below which it is doubted, and the error of its half vectors then: the guide
-asks for 40 pixels across, and the contour of a smaller one can vanish beside the edge of what it mirrors. Of ten found
-with smaller radii on simulated captures, two were no sphere at all, with errors of 40 degrees, and one was an edge
-inside it, with 6 degrees; their fits had stated none of it."""
+asks for 40 pixels across, and the contour of a smaller one can vanish beside the edge of what it mirrors. Of 17 found
+with smaller radii on simulated captures, four were no sphere at all, with errors of 40 degrees that nothing stated."""
 MIN_OUTVOTED_DEG = 5.0
 """Median angle between a sphere's half vectors and those of all that counts as left out, by default."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
