@@ -30,17 +30,43 @@ def revocable_renames() -> Iterator[Callable[[Path, Path], None]]:
 def replaced(folder: Path, new: Path) -> Iterator[None]:
     """Move a folder `new` to the place of another one, which need not exist and comes back if the context fails.
 
-    Meanwhile the earlier one lies beside it, under a hidden name. A process that is killed in between leaves it there.
+    Meanwhile the earlier one lies beside it, under a hidden name. A process that is killed in between leaves it there:
+    see `restore_earlier`.
 
     Raises:
         OSError: the folder cannot be moved; the earlier one is at its place again.
     """
-    earlier = folder.with_name(f".{folder.name}-earlier")
+    restore_earlier(folder)
+    earlier, obsolete = _hidden(folder, "earlier"), _hidden(folder, "obsolete")
+    shutil.rmtree(obsolete, ignore_errors=True)
     with revocable_renames() as rename:
         if folder.exists():
-            # What a killed process has left has been replaced since.
-            shutil.rmtree(earlier, ignore_errors=True)
             rename(folder, earlier)
         rename(new, folder)
         yield
-    shutil.rmtree(earlier, ignore_errors=True)
+        # Its name shows whether the replacement was complete.
+        if earlier.exists():
+            rename(earlier, obsolete)
+    shutil.rmtree(obsolete, ignore_errors=True)
+
+
+def restore_earlier(folder: Path) -> bool:
+    """Return whether a process was killed while it replaced a folder; the earlier one is at its place again.
+
+    Raises:
+        OSError: the folder cannot be moved.
+    """
+    earlier = _hidden(folder, "earlier")
+    if not earlier.exists():
+        return False
+    obsolete = _hidden(folder, "obsolete")
+    if folder.exists():
+        shutil.rmtree(obsolete, ignore_errors=True)
+        folder.rename(obsolete)
+    earlier.rename(folder)
+    shutil.rmtree(obsolete, ignore_errors=True)
+    return True
+
+
+def _hidden(folder: Path, state: str) -> Path:
+    return folder.with_name(f".{folder.name}-{state}")

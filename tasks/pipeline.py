@@ -43,7 +43,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=39,
+        version=40,
     ),
     Stage(
         "frames",
@@ -75,7 +75,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=18,
+        version=19,
     ),
     Stage(
         "mask",

@@ -71,6 +71,7 @@ def simulate(
 ) -> None:
     """Render captures of transparent objects, with their ground truth, into a catalogue for `glint run`."""
     from glint.flows.reporting.console import open_console
+    from glint.storage.replacement import restore_earlier
     from glint.tasks.simulation.simulate import PRESETS, SHAPES
 
     if shape != "all" and shape not in SHAPES:
@@ -78,6 +79,8 @@ def simulate(
     options = _parse_options({"frames": frames, "seed": seed, "views": views, "scale": scale}, settings or ())
     for name in PRESETS if shape == "all" else (shape,):
         _check_replaceable(out / name)
+        if restore_earlier(out / name):
+            echo(f"{out / name} is again as it was before a simulation that was killed", err=True)
     with open_console() as console:
         for name in PRESETS if shape == "all" else (shape,):
             _simulate(name, out, options, console)

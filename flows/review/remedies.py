@@ -24,6 +24,7 @@ PHRASES: tuple[tuple[str, str], ...] = (
     (r"; correct a `diameter_mm` or a radius", "; correct a diameter or a radius with Spheres"),
     (r"correct or remove it, or correct `diameter_mm`", "correct it with Scale, or the diameter with Spheres"),
     (r"correct it, or the sphere's circle", "correct it, or its circle, with Spheres"),
+    (r"with cx along the width; correct it, unless", "with cx along the width; correct it with Camera, unless"),
     (r"give the camera's matrix \(`camera`\)", "give the camera's focal length with Camera"),
     (r"give the camera's matrix, about `camera: \{matrix: [^`]*\}`", "give it with Camera"),
     (r"check that `camera` is the matrix", "check with Camera that its matrix is that"),

@@ -145,7 +145,8 @@ def camera_facts(camera: CaptureCamera) -> dict[str, Any]:
         "depth": {
             "direction": "towards the camera",
             "zero_distance": camera.distance,
-            "meaning": "distance ahead of the camera = zero_distance - depth"
+            "meaning": "distance ahead of the camera = zero_distance - depth, known up to one factor for each connected"
+            " component"
             if perspective
             else "z of the camera frame = depth, known up to one offset for each connected component",
         },

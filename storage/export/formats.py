@@ -54,6 +54,7 @@ def export_as(
 def _write_cloud(folder: Path, capture: ExportedCapture) -> None:
     folder.mkdir()
     cloud = point_cloud_of(capture.camera, capture.depth, capture.normals, capture.confidence)
-    write_pcd(folder / "cloud.pcd", optical_cloud(cloud))
+    open_value = "offset along z" if capture.camera.matrix is None else "distance from the camera, and so the scale,"
+    write_pcd(folder / "cloud.pcd", optical_cloud(cloud), open_value)
     camera = json.dumps(camera_facts(capture.camera), indent=2, allow_nan=False)
     (folder / "camera.json").write_text(camera + "\n", encoding="utf-8")

@@ -19,8 +19,10 @@ def optical_cloud(cloud: PointCloud) -> PointCloud:
     return cloud.in_frame("ros_optical" if cloud.unit == "mm" else "opencv")
 
 
-def write_pcd(path: Path, cloud: PointCloud) -> None:
+def write_pcd(path: Path, cloud: PointCloud, open_value: str) -> None:
     """Write a binary PCD file with normals and the field `confidence`, float32.
+
+    open_value: what a single view leaves open of each connected piece, for the header.
 
     Raises:
         OSError: the file cannot be written.
@@ -28,6 +30,7 @@ def write_pcd(path: Path, cloud: PointCloud) -> None:
     header = [
         "# .PCD v0.7 - Point Cloud Data file format",
         f"# unit {cloud.unit}; {OPTICAL_AXES if cloud.frame != 'camera' else 'x right, y up, z towards the camera'}",
+        f"# a single view leaves the {open_value} of each connected piece open: the merged model shows where they lie",
         "VERSION 0.7",
         f"FIELDS {' '.join(FIELDS)}",
         f"SIZE {' '.join('4' for _ in FIELDS)}",

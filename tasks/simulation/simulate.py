@@ -10,7 +10,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture, Catalogue, Object, Pose, Sphere, load, write
 from glint.storage.footage.writer import write_video
-from glint.storage.replacement import replaced
+from glint.storage.replacement import replaced, restore_earlier
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.multiview.view import rotation_about_y
 from glint.tasks.algorithms.near_light.table_plane import TablePlane
@@ -67,7 +67,8 @@ def simulate(
 ) -> SimulationRecord:
     """Write OUT/<shape>/<capture>/ and enter it in OUT/catalogue.yaml; an earlier object of this shape is replaced.
 
-    The object appears whole or not at all: where it cannot be entered in the catalogue, the earlier one stays.
+    The object appears whole or not at all: where it cannot be entered in the catalogue, the earlier one stays. The one
+    that a killed simulation was replacing comes back first.
     progress(done, total): frames of all views together.
 
     Raises:
@@ -76,6 +77,7 @@ def simulate(
     if shape not in SHAPES:
         raise ValueError(f"no shape {shape!r}; there are {', '.join(SHAPES)}")
     out.mkdir(parents=True, exist_ok=True)
+    restore_earlier(out / shape)
     preset = PRESETS.get(shape, DEFAULT_PRESET)
     frames = options.frames or preset.frames
     layout = frame_layout(round(preset.width * options.scale), round(preset.height * options.scale), options)

@@ -46,17 +46,19 @@ class Sample:
 class SampleRecorder(FootageWrapper):
     """A video that keeps the maximum of about `count` of the frames that pass, these reduced, and a few in full size.
 
-    progress: called with the number of each of them.
+    Of a video that holds more frames than it claims, or does not say how many, every second one that is kept is dropped
+    whenever they are too many. progress: called with the number of each frame of the sample.
     """
 
     def __init__(self, footage: Footage, count: int, progress: Progress) -> None:
         """Watch a video."""
         super().__init__(footage)
-        self._progress, expected = progress, footage.count or 10 * count
-        self._step, self._expected = max(1, expected // count), expected
+        self._progress, expected = progress, footage.count or count
+        self._first_step = max(1, expected // count)
+        self._planned = expected // self._first_step
+        self._most = 2 * max(self._planned, count)
         frame_bytes = footage.width * footage.height * footage.bits // 8
-        held = max(5, min(count, FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
-        self._interval = max(1, -(-(expected // self._step) // held))
+        self._held = max(5, min(count, FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
         self._begin()
 
     @property
@@ -104,16 +106,25 @@ class SampleRecorder(FootageWrapper):
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
 
     def _begin(self) -> None:
+        self._step = self._first_step
+        self._kept_step = self._step * max(1, -(-self._planned // self._held))
         self._peak: np.ndarray | None = None
         self._kept: list[np.ndarray] = []
-        self._reduced = FrameSample(self.height, self.width, self._expected // self._step)
+        self._reduced = FrameSample(self.height, self.width, self._planned if self.count else self._most)
 
     def _add(self, position: int, frame: np.ndarray) -> None:
         self._peak = frame.copy() if self._peak is None else np.maximum(self._peak, frame, out=self._peak)
-        if position // self._step % self._interval == 0:
+        if position % self._kept_step == 0:
             self._kept.append(frame.copy())
         self._reduced.add(frame)
         self._progress(position, self.count or None)
+        if self._reduced.count > self._most or self._reduced.is_full:
+            self._reduced.halve()
+            self._step *= 2
+        # Frames are kept of those that are sampled.
+        while len(self._kept) > self._held + 1 or self._kept_step % self._step:
+            self._kept = self._kept[::2]
+            self._kept_step *= 2
 
 
 def sampled_and_stored(

@@ -1,5 +1,6 @@
 """Parts of a frame: the rectangles of object and spheres, and whether what is given fits the frame."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from glint.storage.catalogue.models import Camera
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.errors import MisplacedSphere
+from glint.tasks.engine.stage_warning import StageWarning
 
 MIN_REGION_PX = 8
 """Least width and height of a region: a narrower one holds no surface that turns."""
@@ -17,6 +19,10 @@ SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
 MIN_FOCAL_SHARE = 0.25
 """Least focal length by the frame's longer side: that of the widest lenses that keep lines straight."""
+
+MIN_EXCHANGED_SHARE, MAX_MIDDLE_RATIO = 0.08, 0.25
+"""Distance of a principal point from the frame's middle, by the frame's longer side, from which its coordinates may be
+exchanged, and the distance that is left when they are put in order, by the one before."""
 
 
 def around(mask: np.ndarray, margin: int) -> Region:
@@ -46,6 +52,19 @@ def moving_parts(region: Region | None, spheres: Sequence[Sphere], size: tuple[i
         right, bottom = min(int(sphere.x + reach) + 1, size[1]), min(int(sphere.y + reach) + 1, size[0])
         parts.append(Region(x=left, y=top, width=right - left, height=bottom - top))
     return parts
+
+
+def check_frame(size: tuple[int, int]) -> None:
+    """Check that frames of `size` (rows, columns) in pixels can hold an object.
+
+    Raises:
+        InputError: they are too small.
+    """
+    if min(size) < MIN_REGION_PX:
+        raise InputError(
+            f"the frames are {size[1]} x {size[0]} pixels, too small for any object",
+            f"export them in full size: at least {MIN_REGION_PX} pixels wide and high, and in practice some hundreds",
+        )
 
 
 def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
@@ -119,3 +138,32 @@ def check_camera(camera: Camera | None, size: tuple[int, int]) -> None:
             " pixels",
             "the matrix is in pixels: divide a focal length in mm by the sensor's width and multiply it by the frame's",
         )
+
+
+def camera_warnings(camera: Camera | None, size: tuple[int, int]) -> list[StageWarning]:
+    """Return a warning of a given camera whose principal point contradicts the frame.
+
+    It lies outside the frame of `size` (rows, columns), or x and y are exchanged: with them in the other order it lies
+    at the middle. One that lies elsewhere in the frame is that of a crop.
+    """
+    if camera is None:
+        return []
+    x, y = camera.matrix[0][2], camera.matrix[1][2]
+    middle_x, middle_y = (size[1] - 1) / 2, (size[0] - 1) / 2
+    offset, exchanged = math.hypot(x - middle_x, y - middle_y), math.hypot(y - middle_x, x - middle_y)
+    place = f"the camera's principal point ({x:g}, {y:g})"
+    if offset > MIN_EXCHANGED_SHARE * max(size) and exchanged < MAX_MIDDLE_RATIO * offset:
+        message = (
+            f"{place} is {offset:.0f} pixels beside the middle of the frame of {size[1]} x {size[0]}, where it lies"
+            " with x and y exchanged: the matrix is [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with cx along the width;"
+            " correct it, unless the frame is a crop"
+        )
+    elif not (0 <= x < size[1] and 0 <= y < size[0]):
+        message = (
+            f"{place} lies outside the frame of {size[1]} x {size[0]} pixels: check that `camera` is the matrix of this"
+            " resolution, and that a crop is subtracted from it"
+        )
+    else:
+        return []
+    turn = math.atan(offset / min(camera.matrix[0][0], camera.matrix[1][1]))
+    return [StageWarning(message, "camera", math.degrees(turn))]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.labelling.light_evidence import LightEvidence
+from glint.tasks.algorithms.labelling.light_evidence import OPPOSITE, LightEvidence
 from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG
 from glint.tasks.engine.stage_warning import StageWarning
 
@@ -15,6 +15,13 @@ HALF_VECTORS_ERROR_DEG = 13.0
 """Mean error of simulated objects whose file holds half vectors: 11 to 14 degrees on hemisphere, bird and fish."""
 NO_SURFACE_ERROR_DEG = 15.0
 """Mean error of simulated objects whose lights are ten frames early: 10 to 24 degrees (docs/evaluation.md)."""
+
+NEGATED_AXES = ("x negated", "y negated", OPPOSITE)
+"""Axes under which the inside of a bowl looks like the outside of a body, and so may be proven wrong by right lights:
+of a simulated coupe seen from 32 degrees above, the opposite ones fit 21 times as well."""
+OF_BOWLS = ". Where the camera looks into a bowl, right lights look so too: record that from the side"
+MIN_HOLLOW_TURN_DEG = 90.0
+"""Turn from which normals may be those of a hollow, which counts as turned by half a turn."""
 
 MIN_TELLING_LIGHTS = 200
 """Lights from which right ones show a surface: with right lights the ratio of simulated fish and birds is -0.9 to -0.2
@@ -42,7 +49,7 @@ def doubt_lights(evidence: LightEvidence, lights: int) -> LightDoubt:
         message = (
             f"the given lights contradict the object: {evidence.axes}, they would fit {evidence.axes_ratio:.1f} times"
             " as well: correct the axes of the `.lp` file (x to the right, y up, z towards the camera), or the order of"
-            " its rows, unless it is the file of another capture"
+            " its rows, unless it is the file of another capture" + (OF_BOWLS if evidence.axes in NEGATED_AXES else "")
         )
         warning = StageWarning(message, "light", OTHER_AXES_ERROR_DEG)
         return LightDoubt(share=1.0 / (1.0 + evidence.axes_ratio), warnings=[warning])
@@ -61,7 +68,7 @@ def doubt_lights(evidence: LightEvidence, lights: int) -> LightDoubt:
         message = (
             f"the given lights contradict the object: its normals are turned by {evidence.turn_deg:.0f} degrees about"
             " the camera axis: compare the rows of the `.lp` file, and their order, with the frames, and its axes with"
-            " the camera's"
+            " the camera's" + (OF_BOWLS if abs(evidence.turn_deg) > MIN_HOLLOW_TURN_DEG else "")
         )
         cost = abs(evidence.turn_deg)
         return LightDoubt(

@@ -43,7 +43,7 @@ from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_ge
 from glint.tasks.stages.frames import load_thumbnails, open_frames
 from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_runs
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
-from glint.tasks.stages.sphere_doubts import inner_edge_error, sphere_doubts, sweep_error
+from glint.tasks.stages.sphere_doubts import circles_error, sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
@@ -68,7 +68,7 @@ class _MeasuredLights:
     """Lights of all frames, corrected for their distance.
 
     camera: record of the camera that the spheres show, None without. light_radius: in degrees, None: unknown.
-    circle_sd: radians per axis, see `inner_edge_error`.
+    circle_sd: radians per axis, see `circles_error`.
     """
 
     distance: DistanceResult
@@ -127,8 +127,10 @@ def _of_spheres(
     parameters: LightsParameters = inputs.parameters
     measured = measure_distance(by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance)
     measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
-    doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None, is_given=is_given)
-    light_radius, circle_sd = _light_radius(by_sphere, geometry), inner_edge_error(measured.lights)
+    spheres, is_near = geometry.spheres, measured.near is not None
+    doubts = sphere_doubts(spheres, measured.lights, is_near=is_near, is_given=is_given, by_sphere=by_sphere)
+    light_radius = _light_radius(by_sphere, geometry)
+    circle_sd = circles_error(spheres, measured.lights, is_near=is_near)
     return _MeasuredLights(measured, camera, light_radius, circle_sd, [*doubts, *measured.warnings])
 
 

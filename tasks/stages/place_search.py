@@ -20,6 +20,7 @@ from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored
 from glint.tasks.stages.frame_parts import (
     around,
     check_camera,
+    check_frame,
     check_light_source,
     check_region,
     check_spheres,
@@ -73,10 +74,11 @@ class PlaceSearch:
         """Check what the catalogue gives of an open video, and return the search for the rest.
 
         Raises:
-            InputError: a sphere, the region or the mask does not fit the frame; spheres and lights are both given; the
-                camera's matrix is not in the frame's pixels.
+            InputError: a sphere, the region or the mask does not fit the frame, or the frame holds no object; spheres
+                and lights are both given; the camera's matrix is not in the frame's pixels.
         """
         size, mask, region = (footage.height, footage.width), inputs.file("mask"), inputs.field("region")
+        check_frame(size)
         if region is None and mask:
             region = around(read_mask(mask, size), inputs.parameters.margin)
         given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in inputs.field("spheres")]

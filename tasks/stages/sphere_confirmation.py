@@ -1,6 +1,6 @@
 """The spheres of a capture that are used: given or found ones, compared with their contours, rims and highlights."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
 
@@ -8,8 +8,9 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES
-from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
+from glint.tasks.algorithms.lighting.sphere_tests import ContradictedSphere, consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.half_vector_error import USUAL_NZ
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     MIN_CONTRADICTION_DEVIATIONS,
     CheckedCircle,
@@ -30,6 +31,7 @@ from glint.tasks.algorithms.sphere_checks.given_circle import (
 )
 from glint.tasks.algorithms.sphere_checks.mirrored_rim import settled_rim, with_mirrored_rim
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.sphere_doubts import DISAGREEMENT_DEVIATIONS
 
 CORRECTION_DEVIATIONS = 2.3
 """Standard deviations from which highlights contradict a fit that would replace a given circle, which stands against it
@@ -168,7 +170,8 @@ def confirm_found(
     """Compare found spheres with their rims and highlights, and with one another; return those to be used.
 
     Also returned are a warning where the highlights contradict a circle, and one of each sphere that is left out since
-    its lights contradict the others'. Of two, the one stays that agrees better with its own highlights.
+    its lights contradict the others'. Of two, the one stays that agrees better with its own highlights; where these
+    refute neither, the one that stays is as uncertain as the two differ.
 
     Args:
         frames: (T, H, W) uint8, spread over the capture.
@@ -179,9 +182,37 @@ def confirm_found(
     measured = [with_mirrored_rim(many, sphere, camera) for sphere in spheres]
     checked = [check_circle(many, sphere, camera=camera) for sphere in measured]
     checked.sort(key=attrgetter("misfit"))
-    used, sentences = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
+    used, left_out = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
     warnings = [_contradiction(check) for check in checked if check.is_contradicted and check.sphere in used]
-    return used, warnings + [StageWarning(sentence, "sphere") for sentence in sentences]
+    is_refuted = {check.sphere: check.is_contradicted for check in checked}
+    errors = [_undecided_error(contradicted, is_refuted) for contradicted in left_out]
+    for contradicted, error in zip(left_out, errors, strict=True):
+        # The error has two axes.
+        warnings.append(StageWarning(str(contradicted), "sphere", float(np.degrees(np.sqrt(2.0) * error))))
+    if left_out:
+        reference, error = left_out[0].reference, max(errors)
+        used = [_doubted(sphere, error) if sphere == reference else sphere for sphere in used]
+    return used, warnings
+
+
+def _undecided_error(contradicted: ContradictedSphere, is_refuted: Mapping[Sphere, bool]) -> float:
+    """Return the error, radians per axis, of half vectors of a reference that another sphere contradicts.
+
+    It is 0 where a third sphere or the highlights decide which of the two is right, or the fits explain the difference;
+    else either is wrong as likely as the other.
+
+    is_refuted: whether its own highlights contradict a sphere.
+    """
+    sphere, reference, angle = contradicted.sphere, contradicted.reference, np.radians(contradicted.angle_deg)
+    deviations = [float(circle.half_vector_sd(np.array(USUAL_NZ))) for circle in (sphere, reference)]
+    explained = float(np.sqrt(2.0) * np.linalg.norm(deviations))
+    is_decided = contradicted.is_outvoted or (is_refuted[sphere] and not is_refuted[reference])
+    return 0.0 if is_decided or angle < DISAGREEMENT_DEVIATIONS * explained else float(angle / 2.0)
+
+
+def _doubted(sphere: Sphere, error: float) -> Sphere:
+    """Return a sphere whose centre is off by what an error of its half vectors, radians per axis, amounts to."""
+    return replace(sphere, centre_sd=float(np.hypot(sphere.centre_sd, error * sphere.radius)))
 
 
 def _contradiction(check: CheckedCircle, given: Sphere | None = None) -> StageWarning:

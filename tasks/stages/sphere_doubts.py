@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
@@ -13,9 +14,12 @@ MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
-MIN_RADIUS_PX = 19.5
-"""Radius of a sphere that was not given below which it is doubted: the guide asks for 40 pixels across, and the contour
-of a smaller one can vanish beside the edge of what it mirrors."""
+MIN_RADIUS_PX, SMALL_SPHERE_DEG = 19.5, 20.0
+"""Radius of a sphere that was not given below which it is doubted, and the error of its half vectors then: the guide
+asks for 40 pixels across, and the contour of a smaller one can vanish beside the edge of what it mirrors. Of 17 found
+with smaller radii on simulated captures, four were no sphere at all, with errors of 40 degrees that nothing stated."""
+MIN_OUTVOTED_DEG = 5.0
+"""Median angle between a sphere's half vectors and those of all that counts as left out, by default."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 """Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
 half vectors that it has then."""
@@ -36,12 +40,53 @@ def inner_edge_error(result: Lights) -> float:
     return float(np.radians(SMALL_CIRCLE_DEG) / np.sqrt(2.0)) if is_doubted else 0.0
 
 
-def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool, is_given: bool) -> list[StageWarning]:
-    """Warn where the spheres leave the light uncertain, of the most costly cause alone.
+def circles_error(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> float:
+    """Return the error, radians per axis, of half vectors that the spheres' fits do not state; see `sphere_doubts`.
+
+    It is `inner_edge_error`, that of small spheres that were found, and that of spheres which disagree: their mean may
+    be off by as much as each is from it.
+    """
+    angle = None if is_near else _disagreement_angle(spheres, result)
+    size_deg = SMALL_SPHERE_DEG if _smallest_radius(spheres) < MIN_RADIUS_PX else 0.0
+    others = np.radians([0.0 if angle is None else angle, size_deg]) / np.sqrt(2.0)
+    return float(np.hypot(inner_edge_error(result), np.linalg.norm(others)))
+
+
+def sphere_doubts(
+    spheres: Sequence[Sphere],
+    result: Lights,
+    *,
+    is_near: bool,
+    is_given: bool,
+    by_sphere: Sequence[Lights] = (),
+) -> list[StageWarning]:
+    """Warn where the spheres leave the light uncertain, of the most costly cause alone, and of spheres left out.
 
     spheres: in pixels of the full frame; result: the lights of all of them; is_near: whether these are corrected for
-    the parallax of a near light, so that spheres may disagree; is_given: whether a person gave the spheres.
+    the parallax of a near light, so that spheres may disagree; is_given: whether a person gave the spheres; by_sphere:
+    the lights of each before they were merged.
     """
+    outvoted = [] if is_near else _outvoted(spheres, result, by_sphere)
+    return [*outvoted, *_uncertain(spheres, result, is_near=is_near, is_given=is_given)]
+
+
+def _outvoted(spheres: Sequence[Sphere], result: Lights, by_sphere: Sequence[Lights]) -> list[StageWarning]:
+    """Return warnings of spheres that are left out since the others agree against them; see `merge_spheres`."""
+    warnings = []
+    for sphere, lights in zip(spheres, by_sphere, strict=False):
+        shared = lights.accepted & result.accepted
+        difference = angles(lights.half_vectors[shared], result.half_vectors[shared])
+        if shared.any() and (angle := float(np.median(difference))) > MIN_OUTVOTED_DEG:
+            message = (
+                f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) is left out: its half vectors are {angle:.1f} degrees"
+                " from those on which the others agree: correct `spheres` in the catalogue"
+            )
+            warnings.append(StageWarning(message, "sphere"))
+    return warnings
+
+
+def _uncertain(spheres: Sequence[Sphere], result: Lights, *, is_near: bool, is_given: bool) -> list[StageWarning]:
+    """Return the warning of the most costly cause, if there is any; see `sphere_doubts`."""
     possible = (
         _contour_doubt(spheres, result, is_given),
         _size_doubt(spheres, is_given),
@@ -71,8 +116,7 @@ def _contour_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) ->
 
 def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | None:
     """Return a warning of a sphere that is small and was found, or measured in place of a given circle."""
-    # A given circle that stands has the score 1.
-    smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
+    smallest = _smallest_radius(spheres)
     if smallest >= MIN_RADIUS_PX:
         return None
     message = (
@@ -80,7 +124,13 @@ def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | Non
         " edge inside it: use a sphere of at least 40 pixels across"
         + ("" if is_given else ", or give `spheres` in the catalogue")
     )
-    return StageWarning(message, "sphere", SMALL_CIRCLE_DEG)
+    return StageWarning(message, "sphere", SMALL_SPHERE_DEG)
+
+
+def _smallest_radius(spheres: Sequence[Sphere]) -> float:
+    """Return the smallest radius in pixels of spheres that were found, infinite if all were given."""
+    # A given circle that stands has the score 1.
+    return min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=float("inf"))
 
 
 def _inner_edge_doubt(spheres: Sequence[Sphere], result: Lights, is_given: bool) -> StageWarning | None:
@@ -105,17 +155,26 @@ def _share_near_contour(result: Lights) -> float:
 
 def _disagreement(spheres: Sequence[Sphere], result: Lights) -> StageWarning | None:
     """Return a warning of spheres whose half vectors differ by more than their contours explain."""
+    angle = _disagreement_angle(spheres, result)
+    if angle is None:
+        return None
+    message = (
+        f"the spheres disagree on the half vectors by {2.0 * angle:.1f} degrees: check `spheres` in the catalogue,"
+        " or leave out the worse sphere"
+    )
+    return StageWarning(message, "sphere", 2.0 * angle)
+
+
+def _disagreement_angle(spheres: Sequence[Sphere], result: Lights) -> float | None:
+    """Return the median angle in degrees between spheres' half vectors and their middle; None: their fits explain it.
+
+    result: the lights of all spheres.
+    """
     median, _ = inter_sphere_angles(result)
     # Disagreement is measured from the middle of all spheres, which have the same weight in it.
     middle_error = np.linalg.norm([sweep_error([sphere], result) for sphere in spheres]) / len(spheres)
     expected = DISAGREEMENT_DEVIATIONS * float(np.degrees(middle_error)) * np.sqrt(2.0)
-    if not median > max(MIN_DISAGREEMENT_DEG, expected):
-        return None
-    message = (
-        f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
-        " or leave out the worse sphere"
-    )
-    return StageWarning(message, "sphere", 2.0 * median)
+    return median if median > max(MIN_DISAGREEMENT_DEG, expected) else None
 
 
 def _contour_percent(sphere: Sphere) -> float:

@@ -8,6 +8,7 @@ from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.frame_parts import camera_warnings
 from glint.tasks.stages.place_search import Places, PlaceSearch, first_places, useful_arrays
 from glint.tasks.stages.scale import Scale, scale_of
 from glint.tasks.stages.stabilization import Shake
@@ -42,7 +43,12 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             arrays={**arrays, **shake.arrays},
             record=_record(search, places, shake, scale),
             counts={"spheres": len(places.spheres)},
-            warnings=[*places.warnings, *shake.warnings, *scale.warnings],
+            warnings=[
+                *places.warnings,
+                *shake.warnings,
+                *scale.warnings,
+                *camera_warnings(inputs.field("camera"), search.size),
+            ],
         )
 
 

@@ -14,8 +14,8 @@ from unittest.mock import patch
 import numpy as np
 
 from glint.tasks.algorithms.lighting import sphere_tests
-from glint.tasks.algorithms.lighting.sphere_detection import MIN_SPHERE_SCORE, clear_circles, outermost
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.sphere_detection import MIN_SPHERE_SCORE, clear_circles
+from glint.tasks.algorithms.lighting.spheres import Sphere, outermost
 from tests.benchmarks.spheres_found import simulated
 
 TRUE_SHARE, APART_SHARE = 0.06, 0.3
@@ -39,7 +39,7 @@ def main() -> None:
     counts = Counter[str]()
     for number in range(first, last + 1):
         for name, sample, truth in simulated(number):
-            circles = clear_circles(sample.frames, sample.peak, None)
+            circles, _ = clear_circles(sample.frames, sample.peak, None)
             for circle in outermost([circle for circle in circles if circle.score >= MIN_SPHERE_SCORE]):
                 distance = circle.distance(truth) / truth.radius
                 difference = max(distance, abs(circle.radius / truth.radius - 1.0))

@@ -70,8 +70,10 @@ def test_a_camera_of_unknown_scale_has_no_metres(cup: ObjectRepository, tmp_path
 def test_a_point_cloud_is_read_by_open3d(store: Path, tmp_path: Path) -> None:
     record = export_as("pcd", Location.parse(store), "wine-glass", tmp_path / "out")
     assert record.captures == ("front", "phone") and record.files == 5
-    for name, centre in (("front", (0, 0, 0)), ("phone", (0, 0, 0.2))):
+    for name, centre, unknown in (("front", (0, 0, 0), b"offset"), ("phone", (0, 0, 0.2), b"scale")):
         path = tmp_path / "out" / name / "cloud.pcd"
+        (note,) = [line for line in path.read_bytes().splitlines()[:4] if line.startswith(b"# a single view leaves")]
+        assert unknown in note and note.isascii()
         cloud = open3d.io.read_point_cloud(path)
         offsets = np.asarray(cloud.points) - centre
         np.testing.assert_allclose(np.linalg.norm(offsets, axis=-1), 0.006, atol=1e-6)

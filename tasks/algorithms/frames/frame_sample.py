@@ -29,6 +29,15 @@ class FrameSample:
         """Number of the frames so far."""
         return len(self._frames)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the frames take twice the bytes that were planned."""
+        return sum(frame.nbytes for frame in self._frames[:1]) * self.count > 2 * MAX_SAMPLE_BYTES
+
+    def halve(self) -> None:
+        """Keep every second frame, from the first on."""
+        self._frames = self._frames[::2]
+
     def add(self, frame: np.ndarray) -> None:
         """Add a frame (H, W) uint8 or uint16."""
         if self._scale < 1.0:

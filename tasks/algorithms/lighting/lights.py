@@ -175,8 +175,10 @@ def inter_sphere_angles(lights: Lights) -> tuple[float, float]:
 def merge_spheres(per_sphere: Sequence[Lights], spheres: Sequence[Sphere], *, tolerance: float = 5.0) -> Lights:
     """Merge the lights of several spheres: the mean half vector of those that accept a frame, by `precision_weights`.
 
-    A frame in which a sphere's half vector lies further than `tolerance` degrees from the middle of all is ambiguous. A
-    frame that no sphere accepts keeps the first sphere's reason. The area is that of the largest highlight.
+    Where a half vector lies further than `tolerance` degrees from the middle of all, those that most spheres agree on
+    count; without a majority the frame is ambiguous. A sphere that is outvoted in most of the frames that it shares
+    counts in none. A frame that no sphere accepts keeps the first sphere's reason. The area is that of the largest
+    highlight.
 
     Raises:
         ValueError: no lights, or different numbers of frames.
@@ -189,15 +191,40 @@ def merge_spheres(per_sphere: Sequence[Lights], spheres: Sequence[Sphere], *, to
         return per_sphere[0]
     stack = np.stack([lights.half_vectors for lights in per_sphere]).astype(np.float64)
     accepted = np.stack([lights.accepted for lights in per_sphere])
-    known = np.where(accepted[..., None], stack, 0.0)
-    weights = precision_weights(spheres, np.where(accepted, stack[..., 2], 1.0))
-    mean, middle = unit((weights[..., None] * known).sum(axis=0)), unit(known.sum(axis=0))
-    deviation = np.where(accepted, angles(np.where(accepted[..., None], stack, middle), middle), 0.0).max(axis=0)
+    accepted = accepted & ~_is_outvoted(stack, accepted, tolerance)[:, None]
+    counted, deviation = _majority(stack, accepted, tolerance)
+    weights = precision_weights(spheres, np.where(counted, stack[..., 2], 1.0))
+    mean = unit((weights[..., None] * np.where(counted[..., None], stack, 0.0)).sum(axis=0))
     several = accepted.sum(axis=0) > 1
     reason = np.where(accepted.any(axis=0), ACCEPTED, per_sphere[0].reason)
-    reason[several & (deviation > tolerance)] = AMBIGUOUS
+    reason[several & ((deviation > tolerance) | (2 * counted.sum(axis=0) <= accepted.sum(axis=0)))] = AMBIGUOUS
     area = np.where(accepted, [lights.area for lights in per_sphere], 0.0).max(axis=0)
     return _lights(mean, reason, area, np.where(several, deviation, np.nan).astype(np.float32))
+
+
+def _is_outvoted(stack: np.ndarray, accepted: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return whether spheres (S,) bool are outvoted in most of their frames; stack (S, T, 3), accepted (S, T) bool."""
+    counted, _ = _majority(stack, accepted, tolerance)
+    voted = accepted & (2 * counted.sum(axis=0) > accepted.sum(axis=0)) & (accepted.sum(axis=0) > 2)
+    return np.asarray(2 * (voted & ~counted).sum(axis=1) > voted.sum(axis=1))
+
+
+def _majority(stack: np.ndarray, accepted: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Leave out of each frame the spheres that lie furthest from the middle, until the others agree or are two.
+
+    Returns:
+        The spheres that are left, (S, T) bool, and the largest angle in degrees to their middle, (T,).
+    """
+    counted = accepted.copy()
+    frames = np.arange(accepted.shape[1])
+    while True:
+        middle = unit(np.where(counted[..., None], stack, 0.0).sum(axis=0))
+        deviations = np.where(counted, angles(np.where(counted[..., None], stack, middle), middle), 0.0)
+        largest = deviations.max(axis=0)
+        is_divided = (largest > tolerance) & (counted.sum(axis=0) > 2)
+        if not is_divided.any():
+            return counted, largest
+        counted[deviations.argmax(axis=0)[is_divided], frames[is_divided]] = False
 
 
 def _lights(

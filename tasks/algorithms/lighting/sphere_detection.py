@@ -28,7 +28,14 @@ from glint.tasks.algorithms.lighting.pyramid import (
     spread,
 )
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, reason_against_chrome
-from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
+from glint.tasks.algorithms.lighting.spheres import (
+    Sphere,
+    distinct,
+    is_contour_around,
+    measure_sphere,
+    outermost,
+    overlap,
+)
 
 MAX_SPHERES = 8
 """Most spheres of a capture."""
@@ -54,14 +61,8 @@ MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTOUR_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
-INNER_RATIOS = 0.6, 0.91
-"""Radii between which a circle may be the edge of what the sphere mirrors, in those of a circle around it that is the
-contour then, although its score is lower."""
-MIN_OUTER_RATIO, MAX_INNER_REACH = 0.33, 0.97
-MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
-"""Least score of that contour, relative to the inner circle's, and how far the inner circle may reach, in radii of the
-contour: where it lies well inside, and where both touch. The edge of a shadow may touch the contour too, but from
-outside; its score is far lower."""
+WHOLE_RATIO = 0.99
+"""Share of a circle's radius that the frame must hold around its centre for the circle to count as whole."""
 MAX_HIDDEN_RATIO = 0.5
 """Largest radius of circles that are still examined inside a circle that is no chrome sphere, relative to its own: such
 a circle may go round a sphere and the glass beside it, but larger ones may be a part of that glass."""
@@ -82,6 +83,10 @@ SPHERE_REMEDY = (
     "background, or give its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue, "
     "or known lights as `lights`"
 )
+CUT_OFF_REMEDY = (
+    "record again with all of the sphere in the frame, or crop the video less; if there is a whole sphere too, give "
+    "its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue"
+)
 
 
 def find_spheres(
@@ -97,14 +102,24 @@ def find_spheres(
         camera: perspective camera's matrix (3, 3); spheres are then measured by virtual cameras aimed at them.
 
     Raises:
-        UnusableSphere: there is no sphere.
+        UnusableSphere: there is no sphere, or the frame cuts it off.
         ValueError: the images differ in shape.
     """
     if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
         raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
-    refined = clear_circles(frames, maximum, camera)
+    refined, cut_off = clear_circles(frames, maximum, camera)
     clear = [sphere for sphere in refined if sphere.score >= MIN_SPHERE_SCORE]
     accepted, rejected = _chrome_spheres(frames, clear, camera)
+    cut_off = _cut_off_spheres(frames, cut_off, camera)
+    # Of a sphere that is cut off, what it mirrors may end wholly in the frame.
+    accepted = [sphere for sphere in accepted if not any(is_contour_around(contour, sphere) for contour in cut_off)]
+    if not accepted and cut_off:
+        contour = cut_off[0]
+        raise UnusableSphere(
+            f"the chrome sphere at ({contour.x:.0f}, {contour.y:.0f}) with radius {contour.radius:.0f} is cut off by"
+            f" the frame of {maximum.shape[1]} x {maximum.shape[0]} pixels",
+            CUT_OFF_REMEDY,
+        )
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
         reasons = "".join(f"; {reason}" for reason in rejected) or (
@@ -118,15 +133,24 @@ def find_spheres(
     return [replace(after, score=before.score) for before, after in zip(accepted, measured, strict=True)]
 
 
-def clear_circles(frames: np.ndarray, maximum: np.ndarray, camera: np.ndarray | None) -> list[Sphere]:
-    """Return the circles with contour and highlights of a sphere, chrome or glass, best first; see `find_spheres`."""
+def clear_circles(
+    frames: np.ndarray, maximum: np.ndarray, camera: np.ndarray | None
+) -> tuple[list[Sphere], list[Sphere]]:
+    """Return the circles with contour and highlights of a sphere, chrome or glass, best first; see `find_spheres`.
+
+    The second list is of those that the frame cuts off.
+    """
     candidates: list[Sphere] = []
     few = spread(frames, SEED_FRAMES)
     for level in pyramid(few, maximum):
         candidates += _candidates(level, max(MIN_SPHERE_RADIUS_PX / level.reduction, MIN_LEVEL_RADIUS_PX))
     candidates = distinct(candidates, DISTINCT_CANDIDATES)[:MAX_REFINED]
     many = spread(frames, CANDIDATE_FRAMES)
-    return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], DISTINCT_CIRCLES)
+    circles = [_refined(many, few, maximum, sphere, camera) for sphere in candidates]
+    height, width = maximum.shape
+    whole = [circle for circle in circles if circle.is_inside(width, height, WHOLE_RATIO)]
+    cut_off = [circle for circle in circles if circle not in whole]
+    return distinct(whole, DISTINCT_CIRCLES), distinct(cut_off, DISTINCT_CIRCLES)
 
 
 def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
@@ -182,9 +206,6 @@ def _refined(
             break
         # The best circle may lie beyond the ones that were searched.
         sphere, measured = measured, measure_sphere(frames, measured, camera=camera)
-    height, width = maximum.shape
-    if not measured.is_inside(width, height, 0.99):
-        return replace(measured, score=0.0)
     reach = LEVEL_REACH_RATIO * measured.radius
     top, left = max(int(measured.y - reach), 0), max(int(measured.x - reach), 0)
     window = slice(top, int(measured.y + reach) + 2), slice(left, int(measured.x + reach) + 2)
@@ -212,34 +233,18 @@ def _chrome_spheres(
     return accepted, rejected
 
 
+def _cut_off_spheres(frames: np.ndarray, circles: list[Sphere], camera: np.ndarray | None) -> list[Sphere]:
+    """Return the chrome spheres, best first, of circles that the frame cuts off."""
+    height, width = frames.shape[1:]
+    clear = [
+        circle
+        for circle in circles
+        if circle.score >= MIN_SPHERE_SCORE and 0 <= circle.x < width and 0 <= circle.y < height
+    ]
+    return [circle for circle in outermost(clear) if reason_against_chrome(frames, circle, camera) is None]
+
+
 def _is_left(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
     """Return whether a circle is left to be judged: it overlaps none accepted, and of those refused only far larger."""
-    is_smaller = all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in refused if _overlap(circle, other))
-    return is_smaller and not any(_overlap(circle, other) for other in accepted)
-
-
-def outermost(spheres: list[Sphere]) -> list[Sphere]:
-    """Keep of overlapping circles the best, or a larger one around it that is not much weaker, in the bests' order."""
-    kept: list[Sphere] = []
-    remaining = sorted(spheres, key=lambda sphere: -sphere.score)
-    while remaining:
-        best = remaining[0]
-        around = [sphere for sphere in remaining if _is_contour_around(sphere, best)]
-        kept.append(max(around, key=lambda sphere: sphere.score, default=best))
-        remaining = [sphere for sphere in remaining if not _overlap(sphere, kept[-1])]
-    return kept
-
-
-def _overlap(sphere: Sphere, kept: Sphere) -> bool:
-    """Return whether a circle shares so much with one that is kept that both cannot be spheres."""
-    return sphere.distance(kept) <= max(0.9 * kept.radius, 0.5 * (sphere.radius + kept.radius))
-
-
-def _is_contour_around(outer: Sphere, better: Sphere) -> bool:
-    """Return whether a circle is the contour of the sphere in which a better circle is the edge of what it mirrors."""
-    reach = (outer.distance(better) + better.radius) / outer.radius
-    ratio = outer.score / better.score
-    return INNER_RATIOS[0] < better.radius / outer.radius < INNER_RATIOS[1] and (
-        (reach < MAX_INNER_REACH and ratio >= MIN_OUTER_RATIO)
-        or (reach < MAX_TOUCHING_REACH and ratio >= MIN_TOUCHED_RATIO)
-    )
+    is_smaller = all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in refused if overlap(circle, other))
+    return is_smaller and not any(overlap(circle, other) for other in accepted)

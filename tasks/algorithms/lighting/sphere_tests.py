@@ -7,6 +7,8 @@ them in few frames. A glossy sphere shows one too, but its body is lit: its leve
 frames. And all chrome spheres of a capture mirror the same light.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
@@ -166,9 +168,31 @@ def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> flo
     return float((levels * shading).sum() / np.sqrt((levels**2).sum() * (shading**2).sum() + 1e-12))
 
 
+@dataclass(frozen=True, slots=True)
+class ContradictedSphere:
+    """A sphere whose lights contradict those of a reference, in the median by an angle in degrees of half vectors.
+
+    is_outvoted: whether another sphere agrees with the reference.
+    """
+
+    sphere: Sphere
+    reference: Sphere
+    angle_deg: float
+    is_outvoted: bool
+
+    def __str__(self) -> str:
+        """Return the sentence that says so, with the remedy."""
+        sphere, reference = self.sphere, self.reference
+        return (
+            f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {self.angle_deg:.0f} degrees"
+            f" from those of the sphere at ({reference.x:.0f}, {reference.y:.0f}): compare both with the frame, and"
+            " give `spheres` in the catalogue if the wrong one is left out"
+        )
+
+
 def consistent_spheres(
     frames: np.ndarray, spheres: list[Sphere], camera: np.ndarray | None = None
-) -> tuple[list[Sphere], list[str]]:
+) -> tuple[list[Sphere], list[ContradictedSphere]]:
     """Drop spheres whose lights contradict those of the sphere with which most agree, the better one of two.
 
     Args:
@@ -177,29 +201,26 @@ def consistent_spheres(
         camera: perspective camera's matrix (3, 3).
 
     Returns:
-        The rest, and a sentence on each that is dropped.
+        The rest, and those that are dropped.
     """
-    kept, sentences = list[Sphere](), list[str]()
+    kept, contradicted = list[Sphere](), list[ContradictedSphere]()
     if len(spheres) < 2 or len(frames) < MIN_TESTED_FRAMES:
-        return spheres, sentences
+        return spheres, contradicted
     crops = [_crop(frames, sphere, camera) for sphere in spheres]
     measured = [find_lights(crop, inside, camera=matrix).half_vectors for crop, inside, matrix in crops]
     # The reference is the sphere that the others agree with best; of two, the better one.
     matrix = np.array([[_median_angle(first, second) for second in measured] for first in measured])
     agreeing = (matrix < MAX_CONTRADICTION_DEG).sum(axis=1)
     reference = int(np.argmax(agreeing))
+    # It agrees with itself.
+    is_outvoted = bool(agreeing[reference] > 1)
     for k, sphere in enumerate(spheres):
-        angle = matrix[reference, k]
+        angle = float(matrix[reference, k])
         if k == reference or not angle >= MAX_CONTRADICTION_DEG:
             kept.append(sphere)
         else:
-            other = spheres[reference]
-            sentences.append(
-                f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {angle:.0f} degrees from"
-                f" those of the sphere at ({other.x:.0f}, {other.y:.0f}): compare both with the frame, and give"
-                " `spheres` in the catalogue if the wrong one is left out"
-            )
-    return kept, sentences
+            contradicted.append(ContradictedSphere(sphere, spheres[reference], angle, is_outvoted))
+    return kept, contradicted
 
 
 def _median_angle(first: np.ndarray, second: np.ndarray) -> float:

@@ -27,6 +27,14 @@ LEAST_HALF_VECTOR_SD = 0.01
 """Standard deviation per axis, radians, below which a sphere's half vectors have no more weight beside another's."""
 CROP_MARGIN_RATIO = 0.35
 """Distance beyond the contour, in radii, of the crop in which a sphere is measured."""
+INNER_RATIOS = 0.6, 0.91
+"""Radii between which a circle may be the edge of what the sphere mirrors, in those of a circle around it that is the
+contour then, although its score is lower."""
+MIN_OUTER_RATIO, MAX_INNER_REACH = 0.33, 0.97
+MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
+"""Least score of that contour, relative to the inner circle's, and how far the inner circle may reach, in radii of the
+contour: where it lies well inside, and where both touch. The edge of a shadow may touch the contour too, but from
+outside; its score is far lower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,3 +215,30 @@ def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
         ):
             kept.append(sphere)
     return kept
+
+
+def outermost(spheres: list[Sphere]) -> list[Sphere]:
+    """Keep of overlapping circles the best, or a larger one around it that is not much weaker, in the bests' order."""
+    kept: list[Sphere] = []
+    remaining = sorted(spheres, key=lambda sphere: -sphere.score)
+    while remaining:
+        best = remaining[0]
+        around = [sphere for sphere in remaining if is_contour_around(sphere, best)]
+        kept.append(max(around, key=lambda sphere: sphere.score, default=best))
+        remaining = [sphere for sphere in remaining if not overlap(sphere, kept[-1])]
+    return kept
+
+
+def overlap(sphere: Sphere, kept: Sphere) -> bool:
+    """Return whether a circle shares so much with one that is kept that both cannot be spheres."""
+    return sphere.distance(kept) <= max(0.9 * kept.radius, 0.5 * (sphere.radius + kept.radius))
+
+
+def is_contour_around(outer: Sphere, better: Sphere) -> bool:
+    """Return whether a circle is the contour of the sphere in which a better circle is the edge of what it mirrors."""
+    reach = (outer.distance(better) + better.radius) / outer.radius
+    ratio = outer.score / better.score
+    return INNER_RATIOS[0] < better.radius / outer.radius < INNER_RATIOS[1] and (
+        (reach < MAX_INNER_REACH and ratio >= MIN_OUTER_RATIO)
+        or (reach < MAX_TOUCHING_REACH and ratio >= MIN_TOUCHED_RATIO)
+    )

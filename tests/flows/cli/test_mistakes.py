@@ -233,6 +233,15 @@ def test_maintenance_creates_no_store(option: str, tmp_path: Path) -> None:
     assert done.exit_code != 0 and not (tmp_path / "typo").exists()
 
 
+def test_an_object_that_a_killed_simulation_was_replacing_is_named(tmp_path: Path) -> None:
+    call = ["simulate", "mug", "--frames", "2", "--scale", "0.1", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, call).exit_code == 0
+    (tmp_path / "mug").rename(tmp_path / ".mug-earlier")
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0 and f"{tmp_path / 'mug'} is again" in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"catalogue.yaml", "mug"}
+
+
 def test_a_folder_that_was_not_simulated_is_not_replaced(tmp_path: Path) -> None:
     own = tmp_path / "mug" / "front" / "video.mp4"
     own.parent.mkdir(parents=True)

@@ -129,6 +129,39 @@ def test_a_leaking_mask_is_repaired_by_eraser_brush_and_polygon(served: ServedPa
     assert "set on the page" in page.inner_text("section[data-pixels]")
 
 
+def test_an_unfinished_polygon_waits_while_another_tool_is_used(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+
+    def pixels() -> int:
+        return int(page.get_attribute("section[data-pixels]", "data-pixels") or "")
+
+    region, before = asked(served, "inputs")["used"]["region"], pixels()
+    # Beside the middle, which an earlier test may have cut out.
+    middle = (region["x"] + region["width"] / 2 + 14, region["y"] + region["height"] / 2)
+    page.keyboard.press("p")
+    for x, y in ((-6, -6), (6, -6)):
+        page.mouse.click(*place(tab, middle[0] + x, middle[1] + y))
+    page.keyboard.press("v")
+    tab.wait("document.getElementById('status').textContent.startsWith('2 corners are kept')")
+    page.mouse.click(*place(tab, middle[0], middle[1]))
+    page.keyboard.press("Escape")
+    page.keyboard.press("p")
+    for x, y in ((6, 6), (-6, 6)):
+        page.mouse.click(*place(tab, middle[0] + x, middle[1] + y))
+    page.keyboard.press("Shift+Enter")
+    tab.wait("document.getElementById('status').textContent === 'polygon cut out'")
+    assert before - 180 < pixels() < before - 110, "the four corners are those of one polygon"
+    page.keyboard.press("Control+z")
+    page.mouse.click(*place(tab, middle[0], middle[1]))
+    page.keyboard.press("Escape")
+    page.keyboard.press("v")
+    page.keyboard.press("p")
+    page.keyboard.press("Enter")
+    tab.wait("document.getElementById('status').textContent.startsWith('corner 1 at ')")
+    page.keyboard.press("Backspace")
+
+
 def test_a_polygon_is_drawn_by_keys_alone(tab: Tab) -> None:
     page = tab.open(INPUTS, READY)
     page.wait_for_selector("section[data-pixels]")

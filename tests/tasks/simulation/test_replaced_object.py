@@ -25,3 +25,17 @@ def test_an_object_stays_until_the_one_that_replaces_it_is_in_the_catalogue(tmp_
     record = simulate("hemisphere", tmp_path, CaptureOptions(frames=3, scale=0.12, sphere_radius=20.0, rays=1))
     assert [entry.id for entry in load(record.catalogue).objects] == ["hemisphere"]
     assert {name.split("/")[0] for name in contents(tmp_path)} == {"catalogue.yaml", "hemisphere"}
+
+
+def test_the_object_that_a_killed_simulation_was_replacing_comes_back(tmp_path: Path) -> None:
+    small = CaptureOptions(frames=2, scale=0.1, sphere_radius=20.0, rays=1)
+    simulate("hemisphere", tmp_path, small)
+    before = contents(tmp_path)
+    (tmp_path / "hemisphere").rename(tmp_path / ".hemisphere-earlier")
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate("hemisphere", tmp_path, small, interrupt)
+    assert contents(tmp_path) == before

@@ -94,6 +94,15 @@ def test_region_out_of_frame(refused: Refused) -> None:
     assert "5009" in str(error)
 
 
+@pytest.mark.parametrize("is_masked", [True, False])
+def test_frames_one_pixel_high(refused: Refused, frames: list[np.ndarray], tmp_path: Path, is_masked: bool) -> None:
+    strips = [frame[40:41] for frame in frames]
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full(strips[0].shape[:2], 255, np.uint8))
+    mask = str(tmp_path / "mask.png") if is_masked else None
+    error = refused(frames=str(write_images(tmp_path / "strips", strips)[0].parent), mask=mask, region=None)
+    assert f"the frames are {strips[0].shape[1]} x 1 pixels, too small for any object" in str(error)
+
+
 @pytest.mark.parametrize(("width", "height"), [(40, 1), (3, 40)])
 def test_a_region_of_a_line(refused: Refused, width: int, height: int) -> None:
     error = refused(region={"x": 10, "y": 10, "width": width, "height": height}, mask=None)

@@ -17,7 +17,7 @@ from glint.tasks.stages.first_pass import SampleRecorder
 from glint.tasks.stages.frames import load_thumbnails, open_frames
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK, LevelRecorder, stored_levels
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
-from tests.storage.footage.videos import write_images
+from tests.storage.footage.videos import ramp, write_images, write_video
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -91,6 +91,25 @@ def test_a_sample_is_the_same_however_it_is_taken(simulated: Path, tmp_path: Pat
             pass
         assert not recorder.has_all, "frames before the first one that passed are missing"
         assert np.array_equal(recorder.sample().peak, samples[0].peak)
+
+
+@pytest.mark.parametrize("count", [5, 12, 400])
+def test_a_video_of_unknown_length_leaves_a_sample_of_the_planned_size_spread_over_it(
+    tmp_path: Path, count: int
+) -> None:
+    path = write_video(tmp_path / "without_length.h264", [ramp(number) for number in range(901)])
+    with open_footage(path) as footage:
+        assert footage.count == 0
+        recorder = SampleRecorder(footage, count, lambda done, total: None)
+        frames = np.stack(list(recorder.frames()))
+        sample = recorder.sample()
+        apart = SampleRecorder(footage, count, lambda done, total: None).sample()
+    assert count // 2 <= sample.reduced.count <= 2 * count
+    assert np.array_equal(sample.frames, apart.frames) and sample.reduced.count == apart.reduced.count
+    assert min(count, 128) // 2 <= len(sample.frames) <= min(count, 128) + 1
+    positions = [int(np.flatnonzero((frames == frame).all(axis=(1, 2)))[0]) for frame in sample.frames]
+    gaps = np.diff(positions)
+    assert positions[0] == 0 and gaps.min() == gaps.max() and len(frames) - positions[-1] <= gaps[0]
 
 
 def test_levels_are_taken_from_stored_frames_where_not_all_passed(simulated: Path, tmp_path: Path) -> None:

@@ -12,7 +12,9 @@ from glint.tasks.stages.frame_parts import (
     MIN_FOCAL_SHARE,
     MIN_REGION_PX,
     around,
+    camera_warnings,
     check_camera,
+    check_frame,
     check_light_source,
     check_region,
     check_spheres,
@@ -35,6 +37,14 @@ def test_the_pixels_of_a_region_are_those_of_its_rows_and_columns() -> None:
     inside = within(Region(x=3, y=7, width=20, height=10), SIZE)
     assert inside is not None and inside.sum() == 200 and inside[7, 3] and inside[16, 22]
     assert within(None, SIZE) is None
+
+
+@pytest.mark.parametrize("size", [(1, 400), (400, 1), (MIN_REGION_PX - 1, 400)])
+def test_frames_that_hold_no_object_are_refused_with_their_size(size: tuple[int, int]) -> None:
+    with pytest.raises(InputError, match=f"are {size[1]} x {size[0]} pixels, too small") as caught:
+        check_frame(size)
+    assert f"at least {MIN_REGION_PX} pixels" in caught.value.remedy
+    check_frame((MIN_REGION_PX, 400))
 
 
 def test_what_moves_with_the_light_is_the_object_and_a_square_around_each_sphere() -> None:
@@ -92,3 +102,30 @@ def test_spheres_that_a_person_drew_and_known_lights_exclude_each_other() -> Non
     check_light_source([], "lights.lp")
     with pytest.raises(InputError, match="known lights"):
         check_light_source([Sphere(1.0, 1.0, 1.0)], "lights.lp")
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "words"),
+    [
+        (500.0, 375.0, None),
+        (375.0, 500.0, "principal point (375, 500) is 177 pixels beside the middle of the frame of 1001 x 751"),
+        (390.0, 510.0, "with x and y exchanged"),
+        (700.0, 300.0, None),
+        (300.0, 700.0, None),
+        (500.0, 800.0, "(500, 800) lies outside the frame of 1001 x 751"),
+        (-20.0, 375.0, "lies outside"),
+        (1400.0, 375.0, "matrix of this resolution"),
+    ],
+)
+def test_a_principal_point_that_contradicts_the_frame_is_reported(x: float, y: float, words: str | None) -> None:
+    warnings = camera_warnings(Camera(matrix=((2000.0, 0.0, x), (0.0, 2000.0, y), (0.0, 0.0, 1.0))), (751, 1001))
+    assert [words in warning.message for warning in warnings if words] == [True] * (words is not None)
+    assert len(warnings) == (words is not None)
+    for warning in warnings:
+        assert warning.cause == "camera"
+        assert warning.cost_deg == pytest.approx(np.degrees(np.arctan(np.hypot(x - 500.0, y - 375.0) / 2000.0)))
+
+
+def test_a_square_frame_shows_no_exchange_and_no_camera_is_no_fault() -> None:
+    camera = Camera(matrix=((900.0, 0.0, 390.0), (0.0, 900.0, 520.0), (0.0, 0.0, 1.0)))
+    assert camera_warnings(camera, (1001, 1001)) == [] and camera_warnings(None, SIZE) == []

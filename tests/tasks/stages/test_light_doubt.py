@@ -37,6 +37,23 @@ def test_a_turn_costs_its_angle() -> None:
     assert doubt.warnings[0].cost_deg == pytest.approx(10.0)
 
 
+@pytest.mark.parametrize(
+    ("evidence", "is_said"),
+    [
+        (LightEvidence("x and y negated", 21.2, 0.0, 1.0, 1.0), True),
+        (LightEvidence("x negated", 1.6, 0.0, 1.0, 1.0), True),
+        (LightEvidence("x and y exchanged", 1.6, 0.0, 1.0, 1.0), False),
+        (LightEvidence("y negated", 0.5, 143.0, 5.0, 1.0), True),
+        (LightEvidence("y negated", 0.5, -10.0, 0.5, 1.0), False),
+    ],
+)
+def test_right_lights_of_a_bowl_are_not_called_wrong_without_a_word_on_bowls(
+    evidence: LightEvidence, is_said: bool
+) -> None:
+    (warning,) = doubt_lights(evidence, 900).warnings
+    assert ("into a bowl, right lights look so too" in warning.message) == is_said
+
+
 def test_few_lights_that_show_no_surface_are_not_called_wrong() -> None:
     evidence = LightEvidence("y negated", 0.5, 0.0, 1.0, -0.5)
     few, many = (doubt_lights(evidence, MIN_TELLING_LIGHTS - more) for more in (1, 0))

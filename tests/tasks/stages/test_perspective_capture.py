@@ -99,3 +99,15 @@ def test_the_truth_is_seen_through_the_camera(near: Path) -> None:
     width = np.ptp(np.nonzero(mask.any(axis=0))[0])
     height = np.ptp(np.nonzero(mask.any(axis=1))[0])
     assert max(width / capture.region.width, height / capture.region.height) > 0.7
+
+
+def test_a_principal_point_in_the_wrong_order_is_reported_before_any_stage_but_the_survey(
+    near: Path, tmp_path: Path
+) -> None:
+    camera = load(near).objects[0].captures[0].camera
+    assert camera is not None
+    (focal, skew, x), (_, _, y), _ = camera.matrix
+    wrong = Camera(matrix=((focal, skew, y), (0.0, focal, x), (0.0, 0.0, 1.0)))
+    (record,) = perform_all(make_context(near, tmp_path / "store", camera=wrong), "survey")
+    (warning,) = [warning for warning in record.warnings if warning.cause == "camera"]
+    assert "with x and y exchanged" in warning.message

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import load
-from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights
+from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, merge_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import spheres_error
-from glint.tasks.stages.sphere_doubts import inner_edge_error, sphere_doubts, sweep_error
+from glint.tasks.stages.sphere_doubts import circles_error, inner_edge_error, sphere_doubts, sweep_error
 from tests.tasks.make_context import make_context, perform_all
 
 HALF_VECTORS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]], np.float32)
@@ -93,6 +93,37 @@ def test_spheres_that_disagree_are_told_unless_a_near_light_explains_it(
     assert ["disagree on the half vectors by 3.0 degrees" in warning.message for warning in warnings] == [
         True
     ] * is_told
+
+
+@pytest.mark.parametrize(("radius", "score", "error_deg"), [(17.0, 0.3, 14.1), (17.0, 1.0, 0.0), (40.0, 0.3, 0.0)])
+def test_the_half_vectors_of_a_small_sphere_that_was_found_are_not_trusted(
+    radius: float, score: float, error_deg: float
+) -> None:
+    error = circles_error([Sphere(0.0, 0.0, radius, score)], LIGHTS, is_near=False)
+    assert np.degrees(error) == pytest.approx(error_deg, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("angle", "is_near", "error_deg"), [(1.5, False, 1.06), (1.5, True, 0.0), (0.5, False, 0.0), (np.nan, False, 0.0)]
+)
+def test_spheres_that_disagree_are_trusted_less_by_what_they_disagree(
+    angle: float, is_near: bool, error_deg: float
+) -> None:
+    spheres = [Sphere(0.0, 0.0, 40.0), Sphere(200.0, 0.0, 40.0)]
+    lights = replace(LIGHTS, inter_sphere_angle=np.full(2, angle, np.float32))
+    assert np.degrees(circles_error(spheres, lights, is_near=is_near)) == pytest.approx(error_deg, abs=0.01)
+
+
+@pytest.mark.parametrize("is_near", [False, True])
+def test_a_sphere_that_the_others_outvote_is_named(is_near: bool) -> None:
+    spheres = [Sphere(x, 5.0, 40.0) for x in (0.0, 200.0, 400.0)]
+    turned = replace(LIGHTS, half_vectors=np.array([[0.0, 0.28, 0.96], [0.6, 0.28, 0.75]], np.float32))
+    by_sphere = [LIGHTS, turned, LIGHTS]
+    merged = merge_spheres(by_sphere, spheres)
+    warnings = sphere_doubts(spheres, merged, is_near=is_near, is_given=True, by_sphere=by_sphere)
+    assert ["the sphere at (200.0, 5.0) is left out" in warning.message for warning in warnings] == [True] * (
+        not is_near
+    )
 
 
 @pytest.mark.parametrize(("deviation", "is_told"), [(0.3, True), (0.45, False)])

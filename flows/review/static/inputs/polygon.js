@@ -23,9 +23,16 @@ export class Polygon {
     return this.view.tool === "polygon";
   }
 
+  /** Keeps the corners of an unfinished polygon while another tool is used, and goes on from them afterwards. */
   toolChanged() {
-    if (!this.isChosen) this.cancel();
-    else this.cursor.position(pixelAt(this.view.picture.centre()));
+    const count = this.corners.length;
+    if (this.isChosen) {
+      if (!this.cursor.visible()) this.place(pixelAt(this.corners.at(-1) ?? this.view.picture.centre()));
+    } else if (this.cursor.visible() && count) {
+      this.path.points(this.corners.flatMap(({ x, y }) => [x, y]));
+      this.isMoved = false;
+      announce(`${count === 1 ? "1 corner is" : `${count} corners are`} kept: Polygon goes on from there`);
+    }
     this.cursor.visible(this.isChosen);
   }
 

@@ -202,7 +202,7 @@ class InputsView {
       ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
       ["Delete Backspace", "remove the last corner, or the chosen sphere", () => this.mask.polygon.removeLast() || this.spheres.removeChosen()],
       ["Enter Shift+Enter", "set a corner; on the last or first one fill the polygon, with Shift cut it out; fit the sphere", (event) => this.mask.polygon.enter(event.shiftKey) || this.spheres.fitChosen()],
-      ["Escape", "cancel", () => this.mask.polygon.cancel() || this.use("look")],
+      ["Escape", "cancel", () => (this.tool === "polygon" && this.mask.polygon.cancel()) || this.use("look")],
       ["Ctrl+z", "undo", () => this.undo()],
       ["Ctrl+y Ctrl+Z", "redo", () => this.redo()],
       ["Ctrl+s", "save", () => this.save.save()],

@@ -231,6 +231,36 @@ def test_spheres_that_contradict_each_other_reject_the_frame() -> None:
     assert np.isnan(merged.half_vectors[merged.reason == AMBIGUOUS]).all()
 
 
+@pytest.mark.parametrize("good_spheres", [2, 3])
+def test_spheres_that_agree_outvote_one_that_does_not(good_spheres: int) -> None:
+    good = find_lights(sphere_frames(LIGHTS), SPHERE)
+    bad = find_lights(sphere_frames(LIGHTS), replace(SPHERE, x=SPHERE.x + 0.2 * SPHERE.radius))
+    shared = good.accepted & bad.accepted
+    assert np.median(angles(good.half_vectors[shared], bad.half_vectors[shared])) > 8.0
+    merged = merge_spheres([bad] + [good] * good_spheres, [SPHERE] * (1 + good_spheres))
+    assert np.array_equal(merged.accepted, good.accepted), "neither vetoed nor taken from the bad one alone"
+    assert np.nanmax(angles(merged.half_vectors, good.half_vectors)) < 0.01
+    assert inter_sphere_angles(merged)[1] < 0.01
+    pairs = merge_spheres([bad] * good_spheres + [good] * good_spheres, [SPHERE] * 2 * good_spheres)
+    assert (pairs.reason[shared] == AMBIGUOUS).mean() > 0.9, "two opinions of equal weight"
+
+
+def test_a_sphere_that_errs_in_a_few_frames_is_outvoted_there_alone() -> None:
+    good = find_lights(sphere_frames(LIGHTS), SPHERE)
+    few = np.flatnonzero(good.accepted)[::10]
+    vectors = good.half_vectors.copy()
+    vectors[few] = np.roll(vectors[few], 1, axis=0)
+    worse = replace(good, half_vectors=vectors)
+    unseen = find_lights(sphere_frames(LIGHTS), SPHERE)
+    reason = unseen.reason.copy()
+    reason[-len(reason) // 2 :] = BEHIND
+    unseen = replace(unseen, reason=reason)
+    merged = merge_spheres([good, worse, unseen], [SPHERE] * 3)
+    is_shared = unseen.accepted[few]
+    assert merged.accepted[few[is_shared]].all() and merged.accepted.sum() > 0.9 * good.accepted.sum()
+    assert np.nanmax(angles(merged.half_vectors, good.half_vectors)) < 2.5
+
+
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("capture", "x", "y", "radius"),

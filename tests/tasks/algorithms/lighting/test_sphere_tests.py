@@ -109,5 +109,9 @@ def test_spheres_on_both_sides_of_a_near_camera_agree_under_its_matrix() -> None
             lit = reflected @ direction > np.cos(np.radians(8.0))
             frame[on_sphere] = np.where(lit, 255, 25)[on_sphere]
     assert consistent_spheres(frames, spheres, camera) == (spheres, [])
-    kept, sentences = consistent_spheres(frames, spheres)
-    assert kept == spheres[:1] and "(441, 59) is left out" in sentences[0]
+    kept, (contradicted,) = consistent_spheres(frames, spheres)
+    assert kept == spheres[:1] and "(441, 59) is left out" in str(contradicted)
+    assert contradicted.sphere == spheres[1] and contradicted.reference == spheres[0]
+    assert contradicted.angle_deg > 6.0 and not contradicted.is_outvoted
+    _, (contradicted,) = consistent_spheres(frames, [spheres[1], *spheres, spheres[0]][1:])
+    assert contradicted.sphere == spheres[1] and contradicted.is_outvoted

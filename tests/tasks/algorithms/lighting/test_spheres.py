@@ -7,9 +7,9 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
-from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, outermost
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
-from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere, outermost
 from tests.pictures import read_picture
 from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, glossy_sphere, render
 
@@ -24,6 +24,26 @@ def find(scene: Scene) -> list[Sphere]:
 @pytest.mark.parametrize("sphere", [Sphere(150.3, 110.8, 38.4), Sphere(110.7, 101.2, 60.3)])
 def test_the_contour_is_found_and_not_the_edge_of_what_the_sphere_mirrors(sphere: Sphere, tilt_deg: float) -> None:
     assert_near(find(Scene([sphere], tilt_deg=tilt_deg))[0], sphere, 0.015)
+
+
+@pytest.mark.parametrize("cut_ratio", [0.1, pytest.param(0.3, marks=pytest.mark.long), 0.6])
+def test_a_sphere_that_the_frame_cuts_off_is_named(cut_ratio: float) -> None:
+    sphere = Sphere(150.3, 110.8, 40.0)
+    first = int(sphere.x - sphere.radius + cut_ratio * sphere.radius)
+    frames = render(Scene([sphere]))[..., first:]
+    with pytest.raises(UnusableSphere, match=r"radius 40 is cut off by the frame of \d+ x 220 pixels") as caught:
+        find_spheres(frames, frames.max(axis=0))
+    assert f"sphere at ({sphere.x - first:.0f}, 11" in str(caught.value)
+    assert caught.value.remedy.startswith("record again with all of the sphere in the frame")
+
+
+@pytest.mark.long
+def test_a_whole_sphere_is_found_beside_one_that_the_frame_cuts_off() -> None:
+    cut_off, whole = Sphere(70.2, 70.6, 36.3), Sphere(220.7, 150.1, 40.5)
+    frames = render(Scene([cut_off, whole]))[..., 40:]
+    found = find_spheres(frames, frames.max(axis=0))
+    assert len(found) == 1
+    assert_near(found[0], replace(whole, x=whole.x - 40), 0.015)
 
 
 @pytest.mark.long

@@ -86,8 +86,29 @@ def test_of_two_spheres_that_disagree_the_one_stays_that_agrees_with_its_highlig
     assert check_circle(frames, wrong).is_contradicted == (centre_sd < 1.0)
     both = np.concatenate([covered_beyond(frames, 0.65), frames], axis=2)
     used, (warning,) = confirm_found(both, [wrong, right], None)
-    assert used == [right]
+    assert used == [right], "as certain as before: the highlights refute the other, or its fit explains the difference"
     assert f"({wrong.x:.0f}, {wrong.y:.0f}) is left out" in str(warning) and "give `spheres`" in str(warning)
+
+
+def test_of_two_spheres_that_contradict_each_other_the_one_that_stays_is_as_uncertain_as_they_differ(
+    frames: np.ndarray,
+) -> None:
+    angle = np.radians(24.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    tilted = lamps(120) @ turn[[2, 0, 1]][:, [2, 0, 1]].T
+    tilted[tilted[:, 2] < 0.2] = (0.0, 0.0, 1.0)
+    both = np.concatenate([frames, mirrored_lamp(TRUTH, tilted)], axis=2)
+    other = beside(frames.shape[2], 0.0, 1.0)
+    (used,), warnings = confirm_found(both, [TRUTH, other], None)
+    (warning,) = (warning for warning in warnings if "is left out" in str(warning))
+    # The half vectors turn by half of the lights' angle; either circle may be the wrong one.
+    per_axis = np.radians(12.0) / 2.0
+    assert used.half_vector_sd(np.array(0.9)) == pytest.approx(per_axis, rel=0.25)
+    assert warning.cost_deg == pytest.approx(12.0 / np.sqrt(2.0), rel=0.25)
+    three = np.concatenate([both, frames], axis=2)
+    third = beside(2 * frames.shape[2], 0.0, 1.0)
+    used_spheres, _ = confirm_found(three, [TRUTH, other, third], None)
+    assert len(used_spheres) == 2 and max(sphere.centre_sd for sphere in used_spheres) < 0.01 * TRUTH.radius
 
 
 def test_what_is_hardly_known_contradicts_nothing() -> None:
