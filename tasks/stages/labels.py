@@ -11,7 +11,6 @@ from glint.tasks.algorithms.candidates.shading import MAX_SHADING, without_shadi
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, view_vectors
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
-from glint.tasks.algorithms.labelling.light_evidence import light_evidence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import (
     CONFIDENT,
@@ -28,6 +27,7 @@ from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeigh
 from glint.tasks.algorithms.near_light.half_vector_error import combined_error, spheres_error
 from glint.tasks.algorithms.published.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.published.winner_takes_all import reconstruct_winner
+from glint.tasks.algorithms.sheets.light_evidence import light_evidence
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs

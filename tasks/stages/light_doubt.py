@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.labelling.light_evidence import OPPOSITE, LightEvidence
 from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG
+from glint.tasks.algorithms.sheets.light_evidence import OPPOSITE, LightEvidence
 from glint.tasks.engine.stage_warning import StageWarning
 
 OTHER_AXES_ERROR_DEG = 25.0

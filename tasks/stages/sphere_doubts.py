@@ -48,8 +48,8 @@ def circles_error(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
     """
     angle = None if is_near else _disagreement_angle(spheres, result)
     size_deg = SMALL_SPHERE_DEG if _smallest_radius(spheres) < MIN_RADIUS_PX else 0.0
-    others = np.radians([0.0 if angle is None else angle, size_deg]) / np.sqrt(2.0)
-    return float(np.hypot(inner_edge_error(result), np.linalg.norm(others)))
+    shared = np.radians([0.0 if angle is None else angle, size_deg]) / np.sqrt(2.0)
+    return float(np.hypot(inner_edge_error(result), np.linalg.norm(shared)))
 
 
 def sphere_doubts(

@@ -12,7 +12,7 @@ from scipy import ndimage
 from glint.storage.catalogue.loading import Capture
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
-from glint.tasks.algorithms.labelling.light_evidence import light_evidence
+from glint.tasks.algorithms.sheets.light_evidence import light_evidence
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.stages.clusters import load_clusters

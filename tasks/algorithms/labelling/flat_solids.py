@@ -41,13 +41,21 @@ def likely_solids(state: Alternation) -> list[PolyhedralNormals]:
 
     least = MIN_EXPLAINED_RATIO * explained(blended_normals(state.values, state.smooth))
     solids = [solid for solid in likely if solid is rounded or explained(solid.normals) >= least]
-    # Of the same solid, the lines of its contour place a prism more exactly.
-    for same in (rounded, prism):
-        if same is None or all(solid is not same for solid in solids):
-            continue
-        if angles(same.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
-            return [same, *(solid for solid in solids if solid is not same)]
-    return solids
+    # Of the same solid, the lines of its contour place a prism more exactly, and its edges may be sharp or round.
+    same = [
+        solid
+        for solid in solids
+        if (solid is rounded or solid is prism) and _mean_angle(solid, solids[0], view.mask) < SAME_SOLID_DEG
+    ]
+    if not same:
+        return solids
+    best = max(same, key=lambda solid: explained(solid.normals))
+    return [best, *(solid for solid in solids if solid is not best)]
+
+
+def _mean_angle(solid: PolyhedralNormals, other: PolyhedralNormals, mask: np.ndarray) -> float:
+    """Return the mean angle in degrees between two solids in a mask (H, W) bool."""
+    return float(angles(solid.normals, other.normals)[mask].mean())
 
 
 def margin(solid: PolyhedralNormals, state: Alternation) -> float:

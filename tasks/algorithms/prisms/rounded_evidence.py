@@ -36,7 +36,7 @@ STRAY_DEG = 6.0
 """Angle from a normal beyond which a candidate is no closer to it than a stray one."""
 MIN_EDGE_PIXELS, MIN_FACE_PIXELS = 20, 30
 """Pixels of edges, and of a face's flat part, from which they are looked at."""
-MIN_FLASH_SHARE = 0.9
+MIN_REACHED_SHARE = 0.9
 """Share of a face that the lights must have reached for its missing highlights to speak against it."""
 
 
@@ -159,7 +159,7 @@ def _face_log_ratio(
         return 0.0
     flashed = shown.deviations(shown.pixels[face], _at(surface, face), 0) < tolerance_deg
     ratio = share_log_ratio(flashed.mean(), FALSE_FACE_SHARE)
-    if ratio < 0.0 and lit[face].mean() < MIN_FLASH_SHARE:
+    if ratio < 0.0 and lit[face].mean() < MIN_REACHED_SHARE:
         return 0.0
     return float(ratio * np.sqrt(face.sum()) / (PIECE_INRADII * shown.inradius))
 

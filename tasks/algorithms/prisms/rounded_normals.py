@@ -22,13 +22,13 @@ from glint.tasks.algorithms.prisms.rounded_contour import rounded_contours
 from glint.tasks.algorithms.prisms.rounded_evidence import ShownCandidates, mean_deviation, rounded_log_ratio
 from glint.tasks.algorithms.prisms.rounded_prism import RoundedPrism
 
-SLOPES_DEG = range(10, 79, 4)
+TRIED_SLOPES_DEG = range(10, 79, 4)
 """Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
-SLOPE_STEPS_DEG, REFINED = (2.0, 1.0), 6
+CLIMB_STEPS_DEG, CLIMBED = (2.0, 1.0), 6
 """Steps by which the slopes of the best prisms are refined in turn, and how many prisms."""
 FINE_STEPS_DEG = (3.0, 2.0, 1.0, 1.0, 0.5, 0.5, 0.25, 0.25)
 """Steps by which the slope of the likeliest prism is refined at last, to bring its normals closest to candidates."""
-TRIED, REFINED_AT = (24.0, 4.5), (60.0, FLASHED_DEG)
+COARSE_VIEW, FINE_VIEW = (24.0, 4.5), (60.0, FLASHED_DEG)
 """Inradius in pixels to which an object is sampled down, and degrees within which candidates have a prism's normals: to
 compare all prisms, whose slopes are not exact, and to refine the best."""
 
@@ -52,7 +52,7 @@ def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RoundedPrism
         RoundedPrism(RightPrism(contour, float(np.radians(slope)), inverse_focal), radius)
         for corners, radius in rounded_contours(mask)
         for contour in swept_contours(corners, inverse_focal)
-        for slope in SLOPES_DEG
+        for slope in TRIED_SLOPES_DEG
     ]
 
 
@@ -65,13 +65,13 @@ def likeliest_prism(
     """
     coarse, fine = (
         _SampledView.of(candidates, mask, prisms[0].core.inverse_focal, *way) if prisms else None
-        for way in (TRIED, REFINED_AT)
+        for way in (COARSE_VIEW, FINE_VIEW)
     )
     if coarse is None or fine is None:
         return None
     likeliest = [
-        _climbed(prism, fine.log_ratio, SLOPE_STEPS_DEG)
-        for prism in sorted(prisms, key=coarse.log_ratio, reverse=True)[:REFINED]
+        _climbed(prism, fine.log_ratio, CLIMB_STEPS_DEG)
+        for prism in sorted(prisms, key=coarse.log_ratio, reverse=True)[:CLIMBED]
     ]
     best = max(likeliest, key=fine.log_ratio)
     largest = fine.log_ratio(best)

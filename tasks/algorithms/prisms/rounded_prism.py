@@ -16,7 +16,7 @@ from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.prisms.right_prism import RightPrism
 
-STEPS = 12
+TRACING_STEPS = 12
 """Steps along a view ray, from the planes that touch the solid: next to its contour they are short."""
 MISSED_PX = 1.0
 """Distance in pixels from the surface at which a ray that the steps have not led there still shows it."""
@@ -59,7 +59,7 @@ class RoundedPrism:
         points, rays = self._touched(x, y)
         frame, origin = self._frame, self._origin
         local, along = np.ascontiguousarray((points - origin) @ frame.T), np.ascontiguousarray(-unit(rays) @ frame.T)
-        normals, edges, distances = _traced(local, along, self._section, self._half_height, self.radius, STEPS)
+        normals, edges, distances = _traced(local, along, self._section, self._half_height, self.radius, TRACING_STEPS)
         missed = (np.abs(distances - self.radius) > MISSED_PX) | ((normals * along).sum(axis=1) >= 0.0)
         normals[missed], local[missed] = np.nan, np.nan
         return RoundedSurface(normals @ frame, edges @ frame, (local @ frame + origin)[:, 2])

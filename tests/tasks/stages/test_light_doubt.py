@@ -2,7 +2,7 @@
 
 import pytest
 
-from glint.tasks.algorithms.labelling.light_evidence import LightEvidence
+from glint.tasks.algorithms.sheets.light_evidence import LightEvidence
 from glint.tasks.stages.light_doubt import MIN_TELLING_LIGHTS, LightDoubt, doubt_lights
 
 

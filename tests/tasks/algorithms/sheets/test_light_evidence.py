@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.labelling.light_evidence import LightEvidence, light_evidence, turn_angle
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
+from glint.tasks.algorithms.sheets.light_evidence import LightEvidence, light_evidence, turn_angle
 from tests.scene import ellipsoid, false_directions
 
 SCALE = 23.0
