@@ -5,7 +5,7 @@ candidate is true, and no smooth field is near. But its silhouette leaves few pr
 slope of the axis, for each; the highlights of its edges choose among them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
@@ -24,10 +24,10 @@ from glint.tasks.algorithms.prisms.rounded_prism import RoundedPrism
 
 TRIED_SLOPES_DEG = range(10, 79, 4)
 """Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
-CLIMB_STEPS_DEG, CLIMBED = (2.0, 1.0), 6
-"""Steps by which the slopes of the best prisms are refined in turn, and how many prisms."""
-FINE_STEPS_DEG = (3.0, 2.0, 1.0, 1.0, 0.5, 0.5, 0.25, 0.25)
-"""Steps by which the slope of the likeliest prism is refined at last, to bring its normals closest to candidates."""
+CLIMB_STEPS, CLIMBED = ((2.0, 1.0), (1.0, 1.0)), 6
+"""Steps of the slope in degrees, and factors of the radius, by which the best prisms are refined; how many of them."""
+LAST_STEPS = ((3.0, 1.4), (2.0, 1.4), (1.0, 1.2), (1.0, 1.2), (0.5, 1.1), (0.5, 1.1), (0.25, 1.05), (0.25, 1.05))
+"""Those by which the likeliest prism is refined at last, to bring its normals closest to candidates."""
 COARSE_VIEW, FINE_VIEW = (24.0, 4.5), (60.0, FLASHED_DEG)
 """Inradius in pixels to which an object is sampled down, and degrees within which candidates have a prism's normals: to
 compare all prisms, whose slopes are not exact, and to refine the best."""
@@ -59,7 +59,7 @@ def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RoundedPrism
 def likeliest_prism(
     prisms: list[RoundedPrism], candidates: np.ndarray, mask: np.ndarray
 ) -> tuple[RoundedPrism, float] | None:
-    """Return the prism for which candidates speak most, its slope refined, and how much, nats; None: for none.
+    """Return the prism for which candidates speak most, refined, and how much, nats; None: for none.
 
     prisms: `possible_prisms`; for the rest see `PolyhedronSearch`.
     """
@@ -70,21 +70,31 @@ def likeliest_prism(
     if coarse is None or fine is None:
         return None
     likeliest = [
-        _climbed(prism, fine.log_ratio, CLIMB_STEPS_DEG)
+        _climbed(prism, fine.log_ratio, CLIMB_STEPS)
         for prism in sorted(prisms, key=coarse.log_ratio, reverse=True)[:CLIMBED]
     ]
     best = max(likeliest, key=fine.log_ratio)
     largest = fine.log_ratio(best)
-    return (_climbed(best, fine.closeness, FINE_STEPS_DEG), largest) if largest > 0.0 else None
+    return (_climbed(best, fine.closeness, LAST_STEPS), largest) if largest > 0.0 else None
 
 
-def _climbed(prism: RoundedPrism, score: Callable[[RoundedPrism], float], steps_deg: Sequence[float]) -> RoundedPrism:
-    """Return the prism with the slope of the largest score, sought from its own by steps in degrees in turn."""
+def _climbed(
+    prism: RoundedPrism, score: Callable[[RoundedPrism], float], steps: Sequence[tuple[float, float]]
+) -> RoundedPrism:
+    """Return the prism of the largest score, sought from this one by steps of the slope and the radius in turn."""
     largest = score(prism)
-    for step in steps_deg:
-        beside = [prism.with_slope(prism.core.slope + sign * np.radians(step)) for sign in (-1.0, 1.0)]
-        largest, prism = max((largest, prism), *((score(other), other) for other in beside), key=itemgetter(0))
+    for degrees, factor in steps:
+        beside = [(score(other), other) for other in _beside(prism, np.radians(degrees), factor)]
+        largest, prism = max((largest, prism), *beside, key=itemgetter(0))
     return prism
+
+
+def _beside(prism: RoundedPrism, step: float, factor: float) -> Iterator[RoundedPrism]:
+    """Yield the prisms whose slope differs by a step in radians, and those whose radius differs by a factor."""
+    yield prism.with_slope(prism.core.slope - step)
+    yield prism.with_slope(prism.core.slope + step)
+    radii = (prism.radius / factor, prism.radius * factor) if factor > 1.0 else ()
+    yield from (other for other in map(prism.with_radius, radii) if other is not None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from numba import njit
 
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.prisms.right_prism import RightPrism
+from glint.tasks.algorithms.prisms.right_prism import RightPrism, SweptContour
+from glint.tasks.algorithms.prisms.rounded_contour import inset_polygon
 
 TRACING_STEPS = 12
 """Steps along a view ray, from the planes that touch the solid: next to its contour they are short."""
@@ -53,6 +54,15 @@ class RoundedPrism:
     def with_slope(self, slope: float) -> "RoundedPrism":
         """Return the solid with the same contour whose axis has another slope in radians."""
         return replace(self, core=replace(self.core, slope=slope))
+
+    def with_radius(self, radius: float) -> "RoundedPrism | None":
+        """Return the solid with the same straight parts of the contour and edges of another radius; None: too large."""
+        visible, hidden = self.core.contour.visible, self.core.contour.hidden
+        corners = inset_polygon(np.concatenate([visible, hidden]), radius - self.radius)
+        if corners is None:
+            return None
+        contour = SweptContour(corners[: len(visible)], corners[len(visible) :])
+        return RoundedPrism(replace(self.core, contour=contour), radius)
 
     def surface(self, x: np.ndarray, y: np.ndarray) -> "RoundedSurface":
         """Return what view rays at image positions x, y (N,) meet."""

@@ -70,6 +70,16 @@ def test_deviations_are_least_at_the_true_slope(block: RoundedBlock, given: Show
     assert min(deviations, key=lambda slope: deviations[slope]) == block.slope
 
 
+def test_deviations_are_least_at_the_true_radius(block: RoundedBlock, given: ShownCandidates) -> None:
+    solid = solid_at(block, block.slope)
+    deviations = {}
+    for radius in (6.0, 9.0, 13.0, 17.0):
+        other = solid.with_radius(radius)
+        assert other is not None
+        deviations[radius] = mean_deviation(other, given)
+    assert min(deviations, key=lambda radius: deviations[radius]) == block.radius
+
+
 def test_an_edge_of_another_profile_shows_the_same_normals(block: RoundedBlock, given: ShownCandidates) -> None:
     sharper = solid_at(replace(block, half_width=37.0, half_height=29.0, radius=10.0), block.slope)
     assert rounded_log_ratio(sharper, given) > 20.0

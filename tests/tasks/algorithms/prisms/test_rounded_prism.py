@@ -5,6 +5,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, positions_at
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, SweptContour
+from glint.tasks.algorithms.prisms.rounded_contour import inset_polygon
 from glint.tasks.algorithms.prisms.rounded_prism import RoundedPrism
 from tests.tasks.algorithms.prisms.rounded_block import INVERSE_FOCAL, SHAPE, RoundedBlock
 
@@ -77,3 +78,15 @@ def test_a_sampled_image_shows_the_same_solid() -> None:
     surface = solid.surface(*positions_at(rows.astype(float), columns.astype(float), sampled.shape))
     is_met = np.isfinite(surface.depths)
     assert np.percentile(angles(surface.normals, truth[::2, ::2][sampled])[is_met], 95) < 1.0
+
+
+def test_another_radius_keeps_the_straight_parts_of_the_contour() -> None:
+    solid = solid_of(RoundedBlock())
+    sharper = solid.with_radius(8.0)
+    assert sharper is not None
+    assert sharper.radius == 8.0
+    corners = np.concatenate([sharper.core.contour.visible, sharper.core.contour.hidden])
+    inset = inset_polygon(corners, solid.radius - 8.0)
+    assert inset is not None
+    np.testing.assert_allclose(inset, np.concatenate([solid.core.contour.visible, solid.core.contour.hidden]))
+    assert solid.with_radius(60.0) is None
