@@ -27,35 +27,38 @@ MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
 def likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict them.
 
-    They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone. The
-    normals of rounded edges lie where only such edges have them, and need not.
+    A rounded prism comes before another solid that explains no more candidates, and after one that does.
     """
-    view, rounded, prism = state.view, state.view.rounded.best, state.view.prism.best
-    weighed = [(margin(solid, state), solid) for solid in (*view.facets.likeliest, rounded, prism) if solid is not None]
+    solids, rounded = _sharp_solids(state), state.view.rounded.best
+    if rounded is None or margin(rounded, state) < 0.0:
+        return solids
+    is_second = bool(solids) and _explained(solids[0].normals, state) > _explained(rounded.normals, state)
+    return [*solids[:is_second], rounded, *solids[is_second:]]
+
+
+def _sharp_solids(state: Alternation) -> list[PolyhedralNormals]:
+    """Return the solids with sharp edges that candidates show, likeliest first.
+
+    They explain nearly as many candidates as the smooth field; a dome's facets do so near their middles alone. Those of
+    rounded edges lie where only such edges have them, and need not.
+    """
+    view, prism = state.view, state.view.prism.best
+    weighed = [(margin(solid, state), solid) for solid in (*view.facets.likeliest, prism) if solid is not None]
     likely = [solid for nats, solid in sorted(weighed, key=itemgetter(0), reverse=True) if nats >= 0.0]
     if not likely:
         return []
-
-    def explained(normals: np.ndarray) -> int:
-        return int(has_candidate(view.normals, normals, CONTRADICTED_DEG).sum())
-
-    least = MIN_EXPLAINED_RATIO * explained(blended_normals(state.values, state.smooth))
-    solids = [solid for solid in likely if solid is rounded or explained(solid.normals) >= least]
-    # Of the same solid, the lines of its contour place a prism more exactly, and its edges may be sharp or round.
-    same = [
-        solid
-        for solid in solids
-        if (solid is rounded or solid is prism) and _mean_angle(solid, solids[0], view.mask) < SAME_SOLID_DEG
-    ]
-    if not same:
-        return solids
-    best = max(same, key=lambda solid: explained(solid.normals))
-    return [best, *(solid for solid in solids if solid is not best)]
+    least = MIN_EXPLAINED_RATIO * _explained(blended_normals(state.values, state.smooth), state)
+    solids = [solid for solid in likely if _explained(solid.normals, state) >= least]
+    prism = next((solid for solid in solids if solid is prism), None)
+    # Of the same solid, the lines of its contour place a prism more exactly.
+    if prism is not None and angles(prism.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
+        return [prism, *(solid for solid in solids if solid is not prism)]
+    return solids
 
 
-def _mean_angle(solid: PolyhedralNormals, other: PolyhedralNormals, mask: np.ndarray) -> float:
-    """Return the mean angle in degrees between two solids in a mask (H, W) bool."""
-    return float(angles(solid.normals, other.normals)[mask].mean())
+def _explained(normals: np.ndarray, state: Alternation) -> int:
+    """Return how many pixels have a candidate near normals (H, W, 3)."""
+    return int(has_candidate(state.view.normals, normals, CONTRADICTED_DEG).sum())
 
 
 def margin(solid: PolyhedralNormals, state: Alternation) -> float:

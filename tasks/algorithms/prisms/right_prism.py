@@ -157,6 +157,20 @@ class RightPrism:
         beyond = self._points_across(self.contour.visible[1:-1], self.anchors[0])
         return np.concatenate([beyond, self._hidden_points + self.height * self.axis])
 
+    @cached_property
+    def height(self) -> float:
+        """Distance between the ends in pixels, from the shorter edge along the axis.
+
+        An edge looks too long where the short edge beside it is hardly seen to turn from it.
+        """
+        heights = []
+        for corner, image in ((0, -1), (-1, 0)):
+            point, top = self._hidden_points[corner], self.contour.visible[image]
+            along = self.axis[:2] + self.inverse_focal * self.axis[2] * top
+            distance = top * (1.0 - self.inverse_focal * point[2]) - point[:2]
+            heights.append(float(along @ distance / (along @ along)))
+        return min(heights)
+
     def _plane(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Return the unit normal (3,) of the plane through the camera and the image of an edge."""
         return unit(np.cross(np.append(end - start, 0.0), to_camera_directions(start[0], start[1], self.inverse_focal)))
@@ -182,20 +196,6 @@ class RightPrism:
         starts = np.column_stack([images, np.zeros(len(images))])
         rays = to_camera_directions(images[:, 0], images[:, 1], self.inverse_focal)
         return starts + (((anchor - starts) @ self.axis) / (rays @ self.axis))[:, None] * rays
-
-    @cached_property
-    def height(self) -> float:
-        """Distance between the ends in pixels, from the shorter edge along the axis.
-
-        An edge looks too long where the short edge beside it is hardly seen to turn from it.
-        """
-        heights = []
-        for corner, image in ((0, -1), (-1, 0)):
-            point, top = self._hidden_points[corner], self.contour.visible[image]
-            along = self.axis[:2] + self.inverse_focal * self.axis[2] * top
-            distance = top * (1.0 - self.inverse_focal * point[2]) - point[:2]
-            heights.append(float(along @ distance / (along @ along)))
-        return min(heights)
 
     @cached_property
     def _top(self) -> np.ndarray:
