@@ -12,7 +12,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.distance import inradius_of, with_nearest
+from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, sampled_middle
@@ -28,9 +28,9 @@ CLIMB_STEPS, CLIMBED = ((2.0, 1.0), (1.0, 1.0)), 6
 """Steps of the slope in degrees, and factors of the radius, by which the best prisms are refined; how many of them."""
 LAST_STEPS = ((3.0, 1.4), (2.0, 1.4), (1.0, 1.2), (1.0, 1.2), (0.5, 1.1), (0.5, 1.1), (0.25, 1.05), (0.25, 1.05))
 """Those by which the likeliest prism is refined at last, to bring its normals closest to candidates."""
-COARSE_VIEW, FINE_VIEW = (24.0, 4.5), (60.0, FLASHED_DEG)
-"""Inradius in pixels to which an object is sampled down, and degrees within which candidates have a prism's normals: to
-compare all prisms, whose slopes are not exact, and to refine the best."""
+COARSE_VIEW, FINE_VIEW = (3_500, 4.5), (12_000, FLASHED_DEG)
+"""Pixels to which an object is sampled down, and degrees within which candidates have a prism's normals: to compare all
+prisms, whose slopes are not exact, and to refine the best."""
 
 
 class RoundedPrismSearch(PolyhedronSearch):
@@ -69,10 +69,12 @@ def likeliest_prism(
     )
     if coarse is None or fine is None:
         return None
+    tried = sorted(((coarse.log_ratio(prism), number) for number, prism in enumerate(prisms)), reverse=True)
     likeliest = [
-        _climbed(prism, fine.log_ratio, CLIMB_STEPS)
-        for prism in sorted(prisms, key=coarse.log_ratio, reverse=True)[:CLIMBED]
+        _climbed(prisms[number], fine.log_ratio, CLIMB_STEPS) for ratio, number in tried[:CLIMBED] if ratio > 0.0
     ]
+    if not likeliest:
+        return None
     best = max(likeliest, key=fine.log_ratio)
     largest = fine.log_ratio(best)
     return (_climbed(best, fine.closeness, LAST_STEPS), largest) if largest > 0.0 else None
@@ -111,10 +113,10 @@ class _SampledView:
 
     @classmethod
     def of(
-        cls, candidates: np.ndarray, mask: np.ndarray, inverse_focal: float, inradius: float, tolerance_deg: float
+        cls, candidates: np.ndarray, mask: np.ndarray, inverse_focal: float, pixels: int, tolerance_deg: float
     ) -> "_SampledView | None":
-        """Return that in which the object has about this inradius in pixels; None without candidates."""
-        stride = max(1, int(inradius_of(mask) / inradius))
+        """Return that in which the object has about so many pixels; None without candidates."""
+        stride = max(1, round(np.sqrt(mask.sum() / pixels)))
         sampled = mask[::stride, ::stride]
         shown = ShownCandidates.of(candidates[:, ::stride, ::stride], sampled, inverse_focal * stride)
         return None if shown is None else cls(shown, sampled_middle(mask.shape, stride), stride, tolerance_deg)
