@@ -13,7 +13,12 @@ from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.flat_solids import CONTRADICTED_DEG, first_unrefuted, likely_solids, margin
+from glint.tasks.algorithms.labelling.flat_solids import (
+    CONTRADICTED_DEG,
+    first_unrefuted,
+    is_rounded_prism,
+    likely_solids,
+)
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import exterior_values
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
@@ -119,7 +124,7 @@ def _adopt_symmetry(state: Alternation) -> bool:
     rotational = view.symmetry.normals(accepted, view.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
-    if state.options.flat_faces and view.rounded.best is not None and margin(view.rounded.best, state) >= 0.0:
+    if state.options.flat_faces and is_rounded_prism(rotational.normals, state):
         return False  # A block seen along an edge can have the silhouette of a body of revolution.
     lights = exterior_values(view.weights, state.labels)
     if has_other_faces(rotational.normals, accepted, lights, view.mask, view.inradius):

@@ -18,6 +18,9 @@ CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a solid, and up to which a surface explains a candidate."""
 MIN_EXPLAINED_RATIO = 0.65
 """Pixels with a candidate that a solid explains, relative to the field's: 0.73 or more on solids, 0.59 on domes."""
+MIN_ROUNDED_RATIO = 0.2
+"""Pixels with a candidate that a rounded prism explains, relative to another surface's: where only its edges show the
+light, 0.3 or more on blocks, and 0.08 at most on cylinders."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
@@ -30,10 +33,18 @@ def likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     A rounded prism comes before another solid that explains no more candidates, and after one that does.
     """
     solids, rounded = _sharp_solids(state), state.view.rounded.best
-    if rounded is None or margin(rounded, state) < 0.0:
+    if rounded is None or not is_rounded_prism(blended_normals(state.values, state.smooth), state):
         return solids
     is_second = bool(solids) and _explained(solids[0].normals, state) > _explained(rounded.normals, state)
     return [*solids[:is_second], rounded, *solids[is_second:]]
+
+
+def is_rounded_prism(normals: np.ndarray, state: Alternation) -> bool:
+    """Return whether candidates show a rounded prism that explains not far fewer of them than normals (H, W, 3)."""
+    rounded = state.view.rounded.best
+    if rounded is None or _margin(rounded, state) < 0.0:
+        return False
+    return _explained(rounded.normals, state) >= MIN_ROUNDED_RATIO * _explained(normals, state)
 
 
 def _sharp_solids(state: Alternation) -> list[PolyhedralNormals]:
@@ -43,7 +54,7 @@ def _sharp_solids(state: Alternation) -> list[PolyhedralNormals]:
     rounded edges lie where only such edges have them, and need not.
     """
     view, prism = state.view, state.view.prism.best
-    weighed = [(margin(solid, state), solid) for solid in (*view.facets.likeliest, prism) if solid is not None]
+    weighed = [(_margin(solid, state), solid) for solid in (*view.facets.likeliest, prism) if solid is not None]
     likely = [solid for nats, solid in sorted(weighed, key=itemgetter(0), reverse=True) if nats >= 0.0]
     if not likely:
         return []
@@ -61,7 +72,7 @@ def _explained(normals: np.ndarray, state: Alternation) -> int:
     return int(has_candidate(state.view.normals, normals, CONTRADICTED_DEG).sum())
 
 
-def margin(solid: PolyhedralNormals, state: Alternation) -> float:
+def _margin(solid: PolyhedralNormals, state: Alternation) -> float:
     """Return how much more candidates speak for a solid than they must, nats."""
     contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
     return float(solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / state.view.mask.sum())
