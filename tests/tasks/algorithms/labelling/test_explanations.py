@@ -219,19 +219,23 @@ def test_facets_take_the_place_of_a_relief_that_hardly_fits(
 
 def test_a_rounded_prism_comes_before_a_solid_that_explains_no_more(settled: Alternation, truth: np.ndarray) -> None:
     faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
-    less = PolyhedralNormals(unit(truth + np.array([0.15, 0.0, 0.0])), depths, faces, 90.0)
+    nowhere, is_left = (
+        unit(truth + np.array([0.15, 0.0, 0.0])),
+        np.arange(truth.shape[1])[:, None] < truth.shape[1] // 2,
+    )
+    less = np.where(is_left, nowhere, truth)
     as_much = PolyhedralNormals(otherwise_where_dark(settled, truth, 0.8), depths, faces, 90.0)
-    for facets, normals, is_first in ((as_much, truth, True), (as_much, less.normals, False)):
+    for facets, normals, is_first in ((as_much, truth, True), (as_much, less, False)):
         rounded = prism_of(normals, faces, 80.0)
         state = with_searches(settled, prism=NO_PRISM, rounded=rounded, facets=bodies_of(facets))
         solids = likely_solids(state)
         assert len(solids) == 2
         assert (solids[0] is rounded.best) is is_first
     # By itself it need not explain as much as the field.
-    alone = with_searches(settled, prism=NO_PRISM, rounded=prism_of(less.normals, faces, 80.0), facets=bodies_of())
+    alone = with_searches(settled, prism=NO_PRISM, rounded=prism_of(less, faces, 80.0), facets=bodies_of())
     assert [solid.log_ratio for solid in likely_solids(alone)] == [80.0]
-    doubtful = prism_of(truth, faces, 0.5 * MIN_SOLID_NATS)
-    assert likely_solids(with_searches(settled, prism=NO_PRISM, rounded=doubtful, facets=bodies_of())) == []
+    for refused in (prism_of(truth, faces, 0.5 * MIN_SOLID_NATS), prism_of(nowhere, faces, 80.0)):
+        assert likely_solids(with_searches(settled, prism=NO_PRISM, rounded=refused, facets=bodies_of())) == []
 
 
 def test_a_rounded_prism_takes_the_place_of_a_body_of_revolution(settled: Alternation, truth: np.ndarray) -> None:
