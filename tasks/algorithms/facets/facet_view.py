@@ -10,8 +10,13 @@ from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import inradius_of
-from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import positions_at, to_camera, unit
+from glint.tasks.algorithms.geometry.perspective import (
+    centred_view_vectors,
+    rotate_from_view,
+    rotate_to_view,
+    to_camera_directions,
+)
+from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prisms.polyhedron import sampled_middle
 
@@ -61,9 +66,7 @@ class FacetView:
             return None
         middle = sampled_middle(mask.shape, stride)
         contour = (silhouette_contour(mask) - middle) / stride
-        rows, columns = np.indices(sampled.shape, dtype=float)
-        x, y = positions_at(rows, columns, sampled.shape)
-        view = unit(to_camera_directions(x, y, inverse_focal * stride))
+        view = centred_view_vectors(sampled.shape, inverse_focal * stride)
         normals = np.ascontiguousarray(np.moveaxis(rotate_from_view(candidates, view), 0, 2), np.float32)
         return cls(normals, sampled, contour, inverse_focal * stride, swept, stride, middle)
 

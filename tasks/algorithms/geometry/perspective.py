@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of, unit
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of, positions_at, unit
 
 CAMERA_FLIP = np.array([1.0, -1.0, -1.0])
 """Factors between the camera frame (y up, z towards the camera) and that of camera matrices (y down, z forward)."""
@@ -48,6 +48,15 @@ def to_camera_directions(x: np.ndarray, y: np.ndarray, inverse_focal: float) -> 
     inverse_focal: 1 over the focal length in pixels, 0 for parallel rays; the principal point is the origin.
     """
     return np.stack([-inverse_focal * x, -inverse_focal * y, np.ones(np.shape(x))], axis=-1)
+
+
+def centred_view_vectors(shape: tuple[int, ...], inverse_focal: float) -> np.ndarray:
+    """Return the unit view vectors (H, W, 3) of an image of this shape whose principal point is its centre.
+
+    inverse_focal: 1 over the focal length in pixels, 0 for parallel rays.
+    """
+    rows, columns = np.indices(shape, dtype=float)
+    return unit(to_camera_directions(*positions_at(rows, columns, shape), inverse_focal))
 
 
 def half_vectors_for_view(half_vectors: np.ndarray, view: np.ndarray) -> np.ndarray:

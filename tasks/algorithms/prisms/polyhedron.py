@@ -1,15 +1,16 @@
 """Solids of flat faces as a view shows them: normals, depths and faces of its pixels."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.distance import inradius_of, with_nearest
-from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
+from glint.tasks.algorithms.geometry.perspective import centred_view_vectors, rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 
@@ -101,6 +102,22 @@ def sampled_middle(shape: tuple[int, ...], stride: int) -> np.ndarray:
     return np.array([-lost[1], lost[0]]) / 2.0
 
 
+def climbed[Solid, Step](
+    start: tuple[float, Solid],
+    score: Callable[[Solid], float],
+    beside: Callable[[Solid, Step], Iterable[Solid]],
+    steps: Iterable[Step],
+) -> tuple[float, Solid]:
+    """Return the largest score and its solid, sought from a start by steps in turn.
+
+    start: score of a solid, and the solid. beside: returns the solids a step beside one.
+    """
+    best = start
+    for step in steps:
+        best = max(best, *((score(other), other) for other in beside(best[1], step)), key=itemgetter(0))
+    return best
+
+
 def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:
     """Return what a mask (H, W) bool shows of a solid; log_ratio: how much candidates speak for it, nats."""
     faces = solid.faces(mask.shape)
@@ -114,7 +131,11 @@ def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) ->
     flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
     rounded = np.full(flat.shape, np.nan)
     rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
-    view = unit(to_camera_directions(x, y, solid.inverse_focal))
     # An end is one face, even if its sides are drawn one by one.
     _, planes = np.unique(solid.normals.round(PLANE_DECIMALS), axis=0, return_inverse=True)
-    return PolyhedralNormals(rotate_to_view(rounded, view), depths, np.where(is_seen, planes[faces], -1), log_ratio)
+    return PolyhedralNormals(
+        rotate_to_view(rounded, centred_view_vectors(mask.shape, solid.inverse_focal)),
+        depths,
+        np.where(is_seen, planes[faces], -1),
+        log_ratio,
+    )

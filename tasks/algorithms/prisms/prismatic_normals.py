@@ -17,11 +17,12 @@ from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
 from glint.tasks.algorithms.prisms.polyhedron import (
     PolyhedralNormals,
     PolyhedronSearch,
+    climbed,
     polyhedral_normals,
     sampled_middle,
 )
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
-from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
+from glint.tasks.algorithms.prisms.right_prism import RightPrism, right_prisms
 
 SLOPES_DEG = range(10, 79, 8)
 """Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
@@ -47,12 +48,7 @@ def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RightPrism]:
 
     inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.
     """
-    return [
-        RightPrism(contour, float(np.radians(slope)), inverse_focal)
-        for corners in contour_polygons(mask)
-        for contour in swept_contours(corners, inverse_focal)
-        for slope in SLOPES_DEG
-    ]
+    return [prism for corners in contour_polygons(mask) for prism in right_prisms(corners, inverse_focal, SLOPES_DEG)]
 
 
 def likeliest_prism(
@@ -75,15 +71,11 @@ def likeliest_prism(
         return prism_log_ratio(prism.seen_from(middle, stride), shown)
 
     scored = sorted(((log_ratio(prism), number) for number, prism in enumerate(prisms)), reverse=True)
-    best, largest = None, 0.0
-    for ratio, number in scored[:REFINED]:
-        prism = prisms[number]
-        for step in SLOPE_STEPS_DEG:
-            beside = [(log_ratio(other), other) for other in _beside(prism, step)]
-            ratio, prism = max((ratio, prism), *beside, key=itemgetter(0))
-        if ratio > largest:
-            best, largest = prism, ratio
-    return None if best is None else (best, largest)
+    likeliest = [
+        climbed((ratio, prisms[number]), log_ratio, _beside, SLOPE_STEPS_DEG) for ratio, number in scored[:REFINED]
+    ]
+    largest, best = max(likeliest, key=itemgetter(0))
+    return (best, largest) if largest > 0.0 else None
 
 
 def _beside(prism: RightPrism, step: float) -> Iterator[RightPrism]:

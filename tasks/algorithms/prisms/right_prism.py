@@ -8,6 +8,7 @@ plane through its image and the camera, and is perpendicular to the axis.
 The view rays are parallel, or those of a perspective camera whose principal point is the origin.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -202,3 +203,12 @@ class RightPrism:
         """Images (N, 2) of the visible end's corners above those of the hidden one."""
         points = self._hidden_points + self.height * self.axis
         return np.asarray(points[:, :2] / (1.0 - self.inverse_focal * points[:, 2:]))
+
+
+def right_prisms(corners: np.ndarray, inverse_focal: float, slopes_deg: Iterable[float]) -> list[RightPrism]:
+    """Return the prisms with a contour (N, 2), see `swept_contours`, whose axes have these slopes in degrees."""
+    return [
+        RightPrism(contour, float(np.radians(slope)), inverse_focal)
+        for contour in swept_contours(corners, inverse_focal)
+        for slope in slopes_deg
+    ]

@@ -7,6 +7,7 @@ smaller solid grown by a disc of the same radius.
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons, convex_contour
@@ -61,11 +62,37 @@ def _fitted(corners: np.ndarray, points: np.ndarray, inradius: float) -> Rounded
     return None if best is None or best.radius >= RADII_INRADII[-1] * inradius else best
 
 
+@njit(cache=True)
 def distances_from_polygon(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return the distances (M,) of points (M, 2) from a polygon (N, 2), 0 inside of it."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    offsets = points[:, None] - corners
-    along = np.clip((offsets * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)
-    distances = np.linalg.norm(offsets - along[..., None] * edges, axis=2).min(axis=1)
-    is_inside = (edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0] >= 0.0).all(axis=1)
-    return np.where(is_inside, 0.0, distances)
+    """Return the distances (M,) of points (M, 2) from a convex polygon (N, 2), counter-clockwise, 0 inside of it."""
+    result = np.zeros(len(points))
+    for number in range(len(points)):
+        x, y, _ = from_polygon(points[number, 0], points[number, 1], corners)
+        result[number] = np.sqrt(x * x + y * y)
+    return result
+
+
+@njit(cache=True)
+def from_polygon(x: float, y: float, corners: np.ndarray) -> tuple[float, float, int]:
+    """Return the vector to a point from the nearest point of a convex polygon (M, 2), and the side that holds this.
+
+    The vector is 0 inside; the side is -1 where the nearest point is a corner.
+    """
+    best_x, best_y, best, side = 0.0, 0.0, np.inf, -1
+    is_inside = True
+    for number in range(len(corners)):
+        following = (number + 1) % len(corners)
+        edge_x, edge_y = corners[following, 0] - corners[number, 0], corners[following, 1] - corners[number, 1]
+        from_x, from_y = x - corners[number, 0], y - corners[number, 1]
+        if edge_x * from_y - edge_y * from_x < 0.0:
+            is_inside = False
+        share = (from_x * edge_x + from_y * edge_y) / (edge_x * edge_x + edge_y * edge_y)
+        is_corner = share <= 0.0 or share >= 1.0
+        share = min(max(share, 0.0), 1.0)
+        rest_x, rest_y = from_x - share * edge_x, from_y - share * edge_y
+        square = rest_x * rest_x + rest_y * rest_y
+        if square < best:
+            best_x, best_y, best, side = rest_x, rest_y, square, -1 if is_corner else number
+    if is_inside:
+        return 0.0, 0.0, 0
+    return best_x, best_y, side

@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.geometry.distance import inradius_of
-from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import positions_at, unit
+from glint.tasks.algorithms.geometry.perspective import centred_view_vectors, rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.geometry.vectors import pixel_positions
 from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prisms.prism_evidence import (
     FALSE_FACE_SHARE,
@@ -61,8 +61,7 @@ class ShownCandidates:
         swept = SweptNormals.of(inside)
         if swept is None:
             return None
-        rows, columns = np.indices(mask.shape, dtype=float)
-        view = unit(to_camera_directions(*positions_at(rows, columns, mask.shape), inverse_focal))
+        view = centred_view_vectors(mask.shape, inverse_focal)
         layers = np.moveaxis(np.nan_to_num(rotate_from_view(inside, view)), 0, 2)
         return cls(np.pad(layers, ((1, 1), (1, 1), (0, 0), (0, 0))).astype(np.float32), mask, inverse_focal, swept)
 
@@ -79,14 +78,16 @@ class ShownCandidates:
     @cached_property
     def positions(self) -> tuple[np.ndarray, np.ndarray]:
         """Image positions x and y (M,) of these pixels."""
-        rows, columns = self.pixels.T.astype(float)
-        x, y = positions_at(rows, columns, self.mask.shape)
-        return x, y
+        return pixel_positions(self.mask)
+
+    @cached_property
+    def view(self) -> np.ndarray:
+        """Unit view vectors (M, 3) of these pixels."""
+        return centred_view_vectors(self.mask.shape, self.inverse_focal)[self.mask]
 
     def flashing(self, normals: np.ndarray) -> np.ndarray:
         """Return which of the normals (M, 3) of these pixels, camera frame, the lights reached; not those NaN."""
-        rays = unit(to_camera_directions(*self.positions, self.inverse_focal))
-        return self.swept.flashes(rotate_to_view(normals, rays))
+        return self.swept.flashes(rotate_to_view(normals, self.view))
 
     def deviations(self, pixels: np.ndarray, surface: RoundedSurface, reach: int) -> np.ndarray:
         """Return the degrees (M,) from a surface's normals to the nearest candidates of their pixels (N, 2).

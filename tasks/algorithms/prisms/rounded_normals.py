@@ -5,7 +5,7 @@ candidate is true, and no smooth field is near. But its silhouette leaves few pr
 slope of the axis, for each; the highlights of its edges choose among them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
@@ -13,11 +13,11 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import positions_at, unit
-from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, sampled_middle
+from glint.tasks.algorithms.geometry.perspective import centred_view_vectors, rotate_to_view
+from glint.tasks.algorithms.geometry.vectors import pixel_positions
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, climbed, sampled_middle
 from glint.tasks.algorithms.prisms.prism_evidence import FLASHED_DEG
-from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
+from glint.tasks.algorithms.prisms.right_prism import right_prisms
 from glint.tasks.algorithms.prisms.rounded_contour import rounded_contours
 from glint.tasks.algorithms.prisms.rounded_evidence import ShownCandidates, mean_deviation, rounded_log_ratio
 from glint.tasks.algorithms.prisms.rounded_prism import RoundedPrism
@@ -49,10 +49,9 @@ def possible_prisms(mask: np.ndarray, inverse_focal: float) -> list[RoundedPrism
     inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.
     """
     return [
-        RoundedPrism(RightPrism(contour, float(np.radians(slope)), inverse_focal), radius)
+        RoundedPrism(core, radius)
         for corners, radius in rounded_contours(mask)
-        for contour in swept_contours(corners, inverse_focal)
-        for slope in TRIED_SLOPES_DEG
+        for core in right_prisms(corners, inverse_focal, TRIED_SLOPES_DEG)
     ]
 
 
@@ -70,31 +69,20 @@ def likeliest_prism(
     if coarse is None or fine is None:
         return None
     tried = sorted(((coarse.log_ratio(prism), number) for number, prism in enumerate(prisms)), reverse=True)
-    likeliest = [
-        _climbed(prisms[number], fine.log_ratio, CLIMB_STEPS) for ratio, number in tried[:CLIMBED] if ratio > 0.0
-    ]
-    if not likeliest:
+    starts = [prisms[number] for ratio, number in tried[:CLIMBED] if ratio > 0.0]
+    likeliest = [climbed((fine.log_ratio(start), start), fine.log_ratio, _beside, CLIMB_STEPS) for start in starts]
+    largest, best = max(likeliest, key=itemgetter(0), default=(0.0, None))
+    if best is None or largest <= 0.0:
         return None
-    best = max(likeliest, key=fine.log_ratio)
-    largest = fine.log_ratio(best)
-    return (_climbed(best, fine.closeness, LAST_STEPS), largest) if largest > 0.0 else None
+    _, closest = climbed((fine.closeness(best), best), fine.closeness, _beside, LAST_STEPS)
+    return closest, largest
 
 
-def _climbed(
-    prism: RoundedPrism, score: Callable[[RoundedPrism], float], steps: Sequence[tuple[float, float]]
-) -> RoundedPrism:
-    """Return the prism of the largest score, sought from this one by steps of the slope and the radius in turn."""
-    largest = score(prism)
-    for degrees, factor in steps:
-        beside = [(score(other), other) for other in _beside(prism, np.radians(degrees), factor)]
-        largest, prism = max((largest, prism), *beside, key=itemgetter(0))
-    return prism
-
-
-def _beside(prism: RoundedPrism, step: float, factor: float) -> Iterator[RoundedPrism]:
-    """Yield the prisms whose slope differs by a step in radians, and those whose radius differs by a factor."""
-    yield prism.with_slope(prism.core.slope - step)
-    yield prism.with_slope(prism.core.slope + step)
+def _beside(prism: RoundedPrism, step: tuple[float, float]) -> Iterator[RoundedPrism]:
+    """Yield the prisms whose slope differs by a step in degrees, and those whose radius differs by a factor."""
+    degrees, factor = step
+    yield prism.with_slope(prism.core.slope - np.radians(degrees))
+    yield prism.with_slope(prism.core.slope + np.radians(degrees))
     radii = (prism.radius / factor, prism.radius * factor) if factor > 1.0 else ()
     yield from (other for other in map(prism.with_radius, radii) if other is not None)
 
@@ -132,12 +120,10 @@ class _SampledView:
 
 def rounded_normals(solid: RoundedPrism, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:
     """Return what a mask (H, W) bool shows of a prism; log_ratio: how much candidates speak for it, nats."""
-    rows, columns = np.indices(mask.shape, dtype=float)
-    x, y = positions_at(rows, columns, mask.shape)
-    surface = solid.surface(x[mask], y[mask])
+    surface = solid.surface(*pixel_positions(mask))
     normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
     faces = np.full(mask.shape, -1)
     normals[mask], depths[mask], faces[mask] = surface.normals, surface.depths, solid.flat_faces(surface.normals)
-    view = unit(to_camera_directions(x, y, solid.core.inverse_focal))
+    view = centred_view_vectors(mask.shape, solid.core.inverse_focal)
     filled = np.where(mask[..., None], with_nearest(normals, mask), np.nan)
     return PolyhedralNormals(rotate_to_view(filled, view), depths, faces, log_ratio)

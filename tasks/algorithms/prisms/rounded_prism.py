@@ -15,7 +15,7 @@ from numba import njit
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, SweptContour
-from glint.tasks.algorithms.prisms.rounded_contour import inset_polygon
+from glint.tasks.algorithms.prisms.rounded_contour import from_polygon, inset_polygon
 
 TRACING_STEPS = 12
 """Steps along a view ray, from the planes that touch the solid: next to its contour they are short."""
@@ -64,7 +64,7 @@ class RoundedPrism:
         contour = SweptContour(corners[: len(visible)], corners[len(visible) :])
         return RoundedPrism(replace(self.core, contour=contour), radius)
 
-    def surface(self, x: np.ndarray, y: np.ndarray) -> "RoundedSurface":
+    def surface(self, x: np.ndarray, y: np.ndarray) -> RoundedSurface:
         """Return what view rays at image positions x, y (N,) meet."""
         points, rays = self._touched(x, y)
         frame, origin = self._frame, self._origin
@@ -133,7 +133,7 @@ def _traced(
         point = points[number]
         x, y, z, side, distance = 0.0, 0.0, 0.0, -1, 0.0
         for step in range(steps + 1):
-            x, y, side = _from_section(point[0], point[1], section)
+            x, y, side = from_polygon(point[0], point[1], section)
             z = max(abs(point[2]) - half_height, 0.0) * (1.0 if point[2] > 0.0 else -1.0)
             distance = np.sqrt(x * x + y * y + z * z)
             if step == steps or abs(distance - radius) < 1e-3:
@@ -150,29 +150,3 @@ def _traced(
             if length > 0.0:
                 edges[number, 0], edges[number, 1] = -y / length, x / length
     return normals, edges, distances
-
-
-@njit(cache=True)
-def _from_section(x: float, y: float, section: np.ndarray) -> tuple[float, float, int]:
-    """Return the vector to a point from the nearest point of a convex polygon (M, 2), and the side that holds this.
-
-    The vector is 0 inside; the side is -1 where the nearest point is a corner.
-    """
-    best_x, best_y, best, side = 0.0, 0.0, np.inf, -1
-    is_inside = True
-    for number in range(len(section)):
-        following = (number + 1) % len(section)
-        edge_x, edge_y = section[following, 0] - section[number, 0], section[following, 1] - section[number, 1]
-        from_x, from_y = x - section[number, 0], y - section[number, 1]
-        if edge_x * from_y - edge_y * from_x < 0.0:
-            is_inside = False
-        share = (from_x * edge_x + from_y * edge_y) / (edge_x * edge_x + edge_y * edge_y)
-        is_corner = share <= 0.0 or share >= 1.0
-        share = min(max(share, 0.0), 1.0)
-        rest_x, rest_y = from_x - share * edge_x, from_y - share * edge_y
-        square = rest_x * rest_x + rest_y * rest_y
-        if square < best:
-            best_x, best_y, best, side = rest_x, rest_y, square, -1 if is_corner else number
-    if is_inside:
-        return 0.0, 0.0, 0
-    return best_x, best_y, side
