@@ -151,7 +151,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_labels_bytes,
-        version=63,
+        version=64,
     ),
     Stage(
         "depth",

@@ -27,9 +27,9 @@ ORDER = {
         " questions pipeline agreement model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
-        "simulation evaluation registration multiview questions published labelling facets faces prisms frames"
-        " mask_checks masks table vessels revolution silhouettes continuation prior sheets meshing candidates"
-        " integration near_light sphere_checks lighting geometry errors"
+        "simulation evaluation registration multiview questions published labelling angular_bodies facets faces prisms"
+        " frames mask_checks masks table vessels revolution sections silhouettes continuation prior sheets meshing"
+        " candidates integration near_light sphere_checks lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

@@ -12,11 +12,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon, inscribed_polygons, straight_profile
+from glint.tasks.algorithms.facets.straight_profile import straight_profile
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.prisms.right_prism import SUBPIXEL_BITS, to_pixels
+from glint.tasks.algorithms.revolution.inscribed_sections import inscribed_sections
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
+from glint.tasks.algorithms.sections.rounded_polygon import RoundedPolygon
 
 POLYGON_STEP_PX = 1.0
 """Distance along the axis of the polygons that are inscribed in a contour."""
@@ -43,18 +45,18 @@ class FacetedBody:
     straight, upward along the axis.
     """
 
-    polygon: RegularPolygon
+    polygon: RoundedPolygon
     frame: AxisFrame
     heights: np.ndarray
     apothems: np.ndarray
 
     @classmethod
-    def inside(cls, contour: np.ndarray, frame: AxisFrame, polygon: RegularPolygon) -> "FacetedBody":
+    def inside(cls, contour: np.ndarray, frame: AxisFrame, polygon: RoundedPolygon) -> "FacetedBody":
         """Return the largest body about an axis, with that cross-section, inside the contour of a silhouette.
 
         contour: (N, 2), x and y in the camera frame, pixels.
         """
-        heights, apothems = inscribed_polygons(frame.rays(*contour.T), polygon, POLYGON_STEP_PX)
+        heights, apothems = inscribed_sections(frame.rays(*contour.T), POLYGON_STEP_PX, polygon)
         tilts = polygon.edge_on_tilts(frame.tilts(heights))
         heights, apothems = straight_profile(heights, apothems, tilts)
         return cls(polygon, frame, heights, apothems)

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
 from glint.tasks.algorithms.prisms.right_prism import SweptContour, swept_contours
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
+from glint.tasks.algorithms.sections.rounded_polygon import RoundedPolygon
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis, reflection_axes
 
 MAX_CONVERGENCE_DEG, MIN_WAY_RATIO = 60.0, 0.2
@@ -54,7 +54,7 @@ class Placement:
     angle: float
     offset: float
     tilt: float
-    polygon: RegularPolygon
+    polygon: RoundedPolygon
 
     @property
     def axis(self) -> ReflectionAxis:
@@ -120,7 +120,7 @@ def placements_about_axis(mask: np.ndarray, faces: list[np.ndarray], inverse_foc
             shown = [vectors @ normal for normal in faces]
             azimuths = [float(np.arctan2(across, forward)) for across, forward, up in shown if abs(up) < MAX_FACET_RISE]
             azimuths += [2.0 * np.pi * number / (turns * sides) for number in range(turns)]
-            result += [Placement(*place, float(tilt), RegularPolygon(sides, azimuth)) for azimuth in azimuths]
+            result += [Placement(*place, float(tilt), RoundedPolygon(sides, azimuth)) for azimuth in azimuths]
     return result
 
 
@@ -169,7 +169,7 @@ class _End(NamedTuple):
         azimuths = np.arctan2(from_centre @ across, -(from_centre @ along) / np.sin(tilt))
         # The mean azimuth of the corners, up to whole sides, is half a side beside that of the sides.
         phase = np.exp(1j * self.sides * azimuths).sum()
-        polygon = RegularPolygon(self.sides, float((np.angle(phase) + np.pi) / self.sides))
+        polygon = RoundedPolygon(self.sides, float((np.angle(phase) + np.pi) / self.sides))
         return Placement(float(np.arctan2(across[1], across[0])), float(self.centre @ across), tilt, polygon)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
+from glint.tasks.algorithms.angular_bodies.angular_normals import AngularVesselSearch
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.distance import inradius_of
@@ -50,7 +51,7 @@ class CandidateView:
     outward: (H, W, 3), their normals, NaN elsewhere.
     graph: of the nodes, to be cut.
     sheets: numbers of the nodes and their ties, see `sheet_graph`.
-    symmetry, prism, rounded, facets: searches for bodies, which keep what they compute.
+    symmetry, angular, prism, rounded, facets: searches for bodies, which keep what they compute.
     """
 
     normals: np.ndarray
@@ -69,6 +70,7 @@ class CandidateView:
     graph: GraphCut
     sheets: tuple[np.ndarray, sparse.csr_matrix]
     symmetry: RotationalSymmetry
+    angular: AngularVesselSearch
     prism: PrismSearch
     rounded: RoundedPrismSearch
     facets: FacetSearch
@@ -111,6 +113,7 @@ class CandidateView:
             graph=GraphCut(normals, weights.strength, weights.contrast),
             sheets=sheet_graph(normals),
             symmetry=RotationalSymmetry(mask, camera),
+            angular=AngularVesselSearch(normals, mask, camera),
             prism=PrismSearch(normals, mask, camera),
             rounded=RoundedPrismSearch(normals, mask, camera),
             facets=FacetSearch(normals, mask, camera),

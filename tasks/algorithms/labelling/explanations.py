@@ -16,12 +16,15 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.flat_solids import (
     CONTRADICTED_DEG,
     first_unrefuted,
+    is_angular_vessel,
     is_rounded_prism,
     likely_solids,
+    likely_vessel,
 )
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import exterior_values
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 from glint.tasks.algorithms.vessels.body_fit import body_fit
 
 MIN_KNOWN_SHARE = 0.05
@@ -76,6 +79,9 @@ def _with_surface(state: Alternation) -> Alternation:
 def _with_faces(state: Alternation) -> Alternation:
     """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
     view, start, solids = state.view, copy(state), likely_solids(state)
+    vessel = likely_vessel(solids, state)
+    if vessel is not None:
+        return _with_vessel(state, vessel)
     if not state.face_evidence.any():
         state.face_evidence = face_evidence(view.normals, view.mask, view.inradius, view.camera)
         if state.face_evidence.any():
@@ -84,6 +90,15 @@ def _with_faces(state: Alternation) -> Alternation:
         state.iterate()
     solid = first_unrefuted(solids, state)
     return state if solid is None else _with_solid(start, solid)
+
+
+def _with_vessel(state: Alternation, vessel: RotationalNormals) -> Alternation:
+    """Return the state whose expected field is a vessel that candidates show; labels start again from it."""
+    view = state.view
+    state.forget_labels()
+    state.expect(vessel.normals, vessel.depths, body_fit(vessel, view.normals, view.mask, view.inradius))
+    state.iterate()
+    return state
 
 
 def _with_symmetry(state: Alternation) -> Alternation | None:
@@ -123,6 +138,8 @@ def _adopt_symmetry(state: Alternation) -> bool:
     view, accepted = state.view, state.known_values
     rotational = view.symmetry.normals(accepted, view.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
+        return False
+    if state.options.flat_faces and is_angular_vessel(rotational.normals, state):
         return False
     if state.options.flat_faces and is_rounded_prism(rotational.normals, state):
         return False  # A block seen along an edge can have the silhouette of a body of revolution.

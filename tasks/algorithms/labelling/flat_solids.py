@@ -1,4 +1,7 @@
-"""Solids of flat faces as explanations of labels: which of them candidates show, and which confident normals refute."""
+"""Solids of flat faces, and square vessels, as explanations of labels: which of them candidates show.
+
+Confident normals may refute them.
+"""
 
 from operator import itemgetter
 
@@ -10,6 +13,7 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.results import CONFIDENT, blended_normals
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 
 MIN_SOLID_NATS, CONTRADICTED_NATS = 10.0, 50.0
 """Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if accepted normals all
@@ -21,6 +25,9 @@ MIN_EXPLAINED_RATIO = 0.65
 MIN_ROUNDED_RATIO = 0.2
 """Pixels with a candidate that a rounded prism explains, relative to another surface's: where only its edges show the
 light, 0.3 or more on blocks, and 0.08 at most on cylinders."""
+MAX_DOUBTED_SHARE, MIN_VESSEL_GAIN = 0.45, 1.03
+"""Pixels with a candidate that a surface of revolution explains, as a share of all, from which no vessel of another
+section is looked for; and those that such a vessel explains relative to another shape: a block may be either."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
@@ -45,6 +52,26 @@ def is_rounded_prism(normals: np.ndarray, state: Alternation) -> bool:
     if rounded is None or _margin(rounded, state) < 0.0:
         return False
     return _explained(rounded.normals, state) >= MIN_ROUNDED_RATIO * _explained(normals, state)
+
+
+def is_angular_vessel(normals: np.ndarray, state: Alternation) -> bool:
+    """Return whether normals (H, W, 3) explain few candidates, and a square or rectangular vessel more."""
+    view, explained = state.view, _explained(normals, state)
+    if explained > MAX_DOUBTED_SHARE * np.isfinite(view.normals[..., 0]).any(axis=0).sum():
+        return False
+    vessel = view.angular.best
+    return vessel is not None and _explained(vessel.normals, state) > MIN_VESSEL_GAIN * explained
+
+
+def likely_vessel(solids: list[PolyhedralNormals], state: Alternation) -> RotationalNormals | None:
+    """Return the square or rectangular vessel that candidates show, and none of the likely solids; None without."""
+    vessel = state.view.angular.best
+    if vessel is None:
+        return None
+    explained = _explained(vessel.normals, state)
+    if explained < MIN_EXPLAINED_RATIO * _explained(blended_normals(state.values, state.smooth), state):
+        return None
+    return vessel if all(explained > MIN_VESSEL_GAIN * _explained(solid.normals, state) for solid in solids) else None
 
 
 def _sharp_solids(state: Alternation) -> list[PolyhedralNormals]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from operator import itemgetter
 from typing import NamedTuple, Protocol
 
@@ -12,7 +11,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.distance import inradius_of, with_nearest
 from glint.tasks.algorithms.geometry.perspective import centred_view_vectors, rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
-from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
+from glint.tasks.algorithms.silhouettes.aimed_search import AimedSearch
 
 BEND_INRADII = 0.05
 """Half the width in inradii over which normals are averaged, since edges are rounded."""
@@ -58,35 +57,8 @@ class PolyhedralNormals(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PolyhedronSearch:
-    """Search for a solid of flat faces in a view: under perspective, in that of a camera aimed at the object.
-
-    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
-    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
-    """
-
-    candidates: np.ndarray
-    mask: np.ndarray
-    camera: np.ndarray | None
-
-    @cached_property
-    def _aimed(self) -> AimedView | None:
-        return None if self.camera is None else AimedView.at(self.mask, self.camera)
-
-    @property
-    def _silhouette(self) -> np.ndarray:
-        """Mask (H', W') bool of the view in which solids are looked for."""
-        return self.mask if self._aimed is None else self._aimed.silhouette
-
-    @property
-    def _shown(self) -> np.ndarray:
-        """Candidates (K, H', W', 3) of that view."""
-        return self.candidates if self._aimed is None else self._aimed.candidates(self.candidates)
-
-    @property
-    def _inverse_focal(self) -> float:
-        """1 over the focal length in pixels of that view, 0 for parallel rays."""
-        return 0.0 if self._aimed is None else 1.0 / self._aimed.focal
+class PolyhedronSearch(AimedSearch):
+    """Search for a solid of flat faces in a view."""
 
     def _seen_back(self, solid: PolyhedralNormals) -> PolyhedralNormals:
         """Return what the camera's own image shows of a solid in that view."""

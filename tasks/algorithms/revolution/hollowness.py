@@ -12,7 +12,7 @@ thick wall of a heavy bowl turns rays aside too. Where a lip separates near and 
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import pixel_positions
-from glint.tasks.algorithms.revolution.opening import Opening, agreeing_share, agreement
+from glint.tasks.algorithms.revolution.opening import Opening, agreeing_share, agreement, find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 BELOW_RADII = (0.25, 0.75)
@@ -30,20 +30,29 @@ MIN_THROUGH_PIXELS = 50
 """Pixels that must be expected to show the far wall for a body to be told solid."""
 
 
+def hollow_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:
+    """Return the opening of a hollow body's end that faces the camera; None if it is closed, or a window of a solid.
+
+    mask: (H, W) bool, the silhouette. candidates: (K, H, W, 3), NaN where there is none.
+    """
+    opening = find_opening(surface, mask, candidates)
+    return None if opening is None or is_solid(opening, mask, candidates) else opening
+
+
 def is_solid(opening: Opening, mask: np.ndarray, candidates: np.ndarray) -> bool:
     """Return whether the near wall below an opening does not show the far wall that the opening shows.
 
     mask: (H, W) bool, the silhouette. candidates: (K, H, W, 3), NaN where there is none.
     """
     surface = opening.surface
-    if opening.lip > MAX_LIP_RADII * surface.end_radius or _wall_angle_deg(surface) > MAX_WALL_DEG:
+    if opening.lip > MAX_LIP_RADII * surface.end_radius or wall_angle_deg(surface) > MAX_WALL_DEG:
         return False
     x, y = pixel_positions(mask)
     hits = surface.intersect(x, y)
     is_end = surface.is_end_at(hits)
     radius, below = surface.end_radius, (surface.end_height - hits.heights) * surface.facing
     is_middle = np.abs(hits.across) < ACROSS_RADII * radius
-    is_lip = is_end & (np.linalg.norm(hits.outward, axis=1) > radius - opening.lip)
+    is_lip = is_end & (hits.apothems > radius - opening.lip)
     is_wall = ~is_end & (below > BELOW_RADII[0] * radius) & (below < BELOW_RADII[1] * radius)
     sign = agreement(surface.shrunk(opening.lip).normals(x, y, far=True), candidates[:, mask])
     in_end, through_wall = sign[is_end & ~is_lip & is_middle], sign[is_wall & is_middle]
@@ -52,7 +61,7 @@ def is_solid(opening: Opening, mask: np.ndarray, candidates: np.ndarray) -> bool
     return agreeing_share(through_wall) < MIN_THROUGH_RATIO * agreeing_share(in_end)
 
 
-def _wall_angle_deg(surface: SurfaceOfRevolution) -> float:
+def wall_angle_deg(surface: SurfaceOfRevolution) -> float:
     """Return the median angle in degrees between the wall and the axis within a radius below the end."""
     below = (surface.end_height - surface.heights) * surface.facing
     is_wall = (below > 0.0) & (below < surface.end_radius) & (surface.squared_radii > 0.0)

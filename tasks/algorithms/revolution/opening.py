@@ -67,7 +67,7 @@ class Opening:
         hits = self.surface.intersect(x, y)
         normals, depths = self.surface.normals_at(hits), hits.depths.copy()
         is_far = self.surface.is_end_at(hits)
-        inside_edge = self.surface.end_radius - np.linalg.norm(hits.outward[is_far], axis=1)
+        inside_edge = self.surface.end_radius - hits.apothems[is_far]
         is_far[is_far] = inside_edge >= self.lip
         inner = self.surface.shrunk(self.lip)
         hits = inner.intersect(x[is_far], y[is_far], far=True)
@@ -207,7 +207,7 @@ def _fit(
     if not np.count_nonzero(sign) > least:
         return None
     # A pixel on the inner edge shows the lip too, and the plane of the end is foreshortened along the view.
-    across, distance = hits.across[is_end], np.linalg.norm(hits.outward[is_end], axis=1)
+    across, distance = hits.across[is_end], hits.apothems[is_end]
     along = np.abs(hits.forward[is_end]) / np.sin(abs(surface.end_tilt))
     depth = surface.end_radius - distance - FOOTPRINT_PX * np.hypot(across, along) / np.maximum(distance, 1e-9)
     order = np.argsort(-depth)

@@ -62,6 +62,8 @@ class ShownSlopes:
         """
         hits, step = surface.intersect(x, y), float(surface.heights[1] - surface.heights[0])
         outward = unit(hits.outward)
+        # Where a section bends, its apothem grows by less than a point moves outwards.
+        growth = np.linalg.norm(hits.outward, axis=1) / hits.apothems
         sideways = np.cross(hits.upward, outward)
         axial, radial, side = ((candidates * axis).sum(axis=-1) for axis in (hits.upward, outward, sideways))
         is_shown = np.isfinite(radial)
@@ -71,6 +73,7 @@ class ShownSlopes:
         from_plane = np.degrees(np.arcsin(side[is_shown].clip(-1.0, 1.0)))
         weights = 1.0 / (1.0 + (from_plane / SIDE_DEG) ** 2) ** 2
         circles = np.bincount(pixels, minlength=len(surface.heights))
+        axial = axial * growth
         return cls(np.arctan2(axial[is_shown], radial[is_shown]), weights, samples, circles, step)
 
     @cached_property

@@ -13,9 +13,10 @@ from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles
+from glint.tasks.algorithms.revolution.inscribed_sections import inscribed_sections
 from glint.tasks.algorithms.revolution.profile import Plate, profile_of_contour, with_risen_plate
-from glint.tasks.algorithms.revolution.view_rays import AxisFrame, entry_depths
+from glint.tasks.algorithms.revolution.view_rays import AxisFrame, RayHits, entry_depths
+from glint.tasks.algorithms.sections.rounded_polygon import CIRCLE, RoundedPolygon
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 MAX_WALL_SLOPE_DEG = 60.0
@@ -34,31 +35,16 @@ distance is at least a step of the profile."""
 
 
 @dataclass(frozen=True, slots=True)
-class RayHits:
-    """Intersections of N view rays with a surface of revolution, in pixels; NaN for rays that miss it.
-
-    heights: (N,), along the axis. depths: (N,), z towards the camera, from the plane through the axis' image point.
-    across, forward: (N,), from the axis, in its frame. outward: (N, 3), from the axis to the surface, as long as the
-    radius, and upward: (N, 3), along the axis, unit; both relative to the ray, as the normals of a pixel are.
-    """
-
-    heights: np.ndarray
-    depths: np.ndarray
-    across: np.ndarray
-    forward: np.ndarray
-    outward: np.ndarray
-    upward: np.ndarray
-
-
-@dataclass(frozen=True, slots=True)
 class SurfaceOfRevolution:
-    """Surface of revolution before a camera; lengths in pixels.
+    """Surface of revolution before a camera, or one with another section than a circle; lengths in pixels.
 
-    Normals are relative to the view rays, which are parallel unless `inverse_focal` is given.
+    Normals are relative to the view rays, which are parallel unless `inverse_focal` is given. The apothems of other
+    sections take the place of radii.
 
     axis: its image. tilt: of its upper end towards the camera, radians. heights: (N,), samples along the axis.
     squared_radii: (N,) at these heights. half_slopes: (N,), half the slopes of the squared radii, that is radius times
     its slope. plates: that face the camera, drawn flat at the height of their edge. inverse_focal: see `AxisFrame`.
+    section: the same at each height, but for its size.
     """
 
     axis: ReflectionAxis
@@ -68,10 +54,17 @@ class SurfaceOfRevolution:
     half_slopes: np.ndarray
     plates: tuple[Plate, ...] = ()
     inverse_focal: float = 0.0
+    section: RoundedPolygon = CIRCLE
 
     @classmethod
     def from_silhouette(
-        cls, mask: np.ndarray, axis: ReflectionAxis, tilt: float, step: float = 0.5, inverse_focal: float = 0.0
+        cls,
+        mask: np.ndarray,
+        axis: ReflectionAxis,
+        tilt: float,
+        step: float = 0.5,
+        inverse_focal: float = 0.0,
+        section: RoundedPolygon = CIRCLE,
     ) -> "SurfaceOfRevolution":
         """Return the largest surface with that axis and tilt (radians) inside a silhouette (H, W) bool.
 
@@ -80,13 +73,13 @@ class SurfaceOfRevolution:
         contour = smooth_contour(mask)[:: max(1, int(step / 2))]
         frame = AxisFrame.of(axis, tilt, inverse_focal)
         rays = frame.rays(*to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]))
-        heights, radii = inscribed_circles(rays, step)
-        squared, slopes, plates = profile_of_contour(radii, heights, frame.tilts(heights))
-        return cls(axis, tilt, heights, squared, slopes / 2.0, plates, inverse_focal)
+        heights, radii = inscribed_sections(rays, step, section)
+        squared, slopes, plates = profile_of_contour(radii, heights, section.edge_on_tilts(frame.tilts(heights)))
+        return cls(axis, tilt, heights, squared, slopes / 2.0, plates, inverse_focal, section)
 
     def tilted(self, mask: np.ndarray, tilt: float, step: float = 0.5) -> "SurfaceOfRevolution":
         """Return the largest surface inside the silhouette (H, W) bool with another tilt, see `from_silhouette`."""
-        return SurfaceOfRevolution.from_silhouette(mask, self.axis, tilt, step, self.inverse_focal)
+        return SurfaceOfRevolution.from_silhouette(mask, self.axis, tilt, step, self.inverse_focal, self.section)
 
     @property
     def frame(self) -> AxisFrame:
@@ -180,14 +173,19 @@ class SurfaceOfRevolution:
         frame = self.frame
         rays = frame.rays(x, y)
         spans = float(np.sqrt(self.squared_radii.max())), float(np.abs(self.heights).max())
-        reach = spans[0] * abs(frame.vectors[1, 2]) + spans[1] * abs(frame.vectors[2, 2]) + 1.0
-        depths = entry_depths(rays, self.heights, self.squared_radii, reach, far)
+        reach = (
+            spans[0] * self.section.circumradius * abs(frame.vectors[1, 2]) + spans[1] * abs(frame.vectors[2, 2]) + 1.0
+        )
+        depths = entry_depths(rays, self.heights, self.squared_radii, reach, far, self.section)
         points = rays.at(depths)
-        outward, upward = points[:, :2] @ frame.vectors[:2], np.broadcast_to(frame.upward, points.shape)
+        around, apothems = points[:, :2], self.section.apothems(points[:, :2])
+        if not self.section.is_circle:
+            around = apothems[:, None] * self.section.gradients(around)
+        outward, upward = around @ frame.vectors[:2], np.broadcast_to(frame.upward, points.shape)
         view = frame.view_vectors(x, y)
         if view is not None:
             outward, upward = rotate_to_view(outward, view), rotate_to_view(upward, view)
-        return RayHits(points[:, 2], depths, points[:, 0], points[:, 1], outward, upward)
+        return RayHits(points[:, 2], depths, points[:, 0], points[:, 1], apothems, outward, upward)
 
     def with_risen_plates(self, x: np.ndarray, y: np.ndarray, normals: np.ndarray) -> "SurfaceOfRevolution":
         """Return the surface with plates that rise to their stems, as far as normals (N, 3) at x, y (N,) show these."""
@@ -244,6 +242,6 @@ class SurfaceOfRevolution:
 
     def _measured_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
         """Return the angles (N,) of normals (N, 3) from their circles' planes, positive upward."""
-        radius = np.linalg.norm(hits.outward, axis=1)
+        radius = (hits.outward**2).sum(axis=1) / hits.apothems
         axial, radial = ((normals * directions).sum(axis=1) for directions in (hits.upward, hits.outward))
         return np.asarray(np.arctan2(radius * axial, radial))

@@ -12,12 +12,13 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at, sampled_pixels, unit
-from glint.tasks.algorithms.revolution.hollowness import is_solid
+from glint.tasks.algorithms.revolution.hollowness import hollow_opening
 from glint.tasks.algorithms.revolution.opening import Opening, find_opening
 from glint.tasks.algorithms.revolution.profile_slopes import ShownSlopes, with_shown_slopes
 from glint.tasks.algorithms.revolution.relief import Relief, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry, fitted_surface
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 
 MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
@@ -80,6 +81,23 @@ class RotationalNormals(NamedTuple):
     rivalry: np.ndarray | None = None
     tangents: np.ndarray | None = None
 
+    def seen_back(self, aimed: AimedView) -> "RotationalNormals":
+        """Return what the camera's own image shows of what a view aimed at the object shows."""
+        rivalry = None if self.rivalry is None else aimed.values_back(self.rivalry)
+        tangents = None if self.tangents is None else aimed.vectors_back(self.tangents)
+        normals, depths = aimed.normals_back(self.normals), aimed.heights_back(self.depths)
+        return self._replace(normals=normals, depths=depths, rivalry=rivalry, tangents=tangents)
+
+    def behind(self, nearer: "RotationalNormals") -> "RotationalNormals":
+        """Return what is seen if another object stands before this one, where that is nearer to the camera."""
+        is_nearer = np.isfinite(nearer.depths) & ~(nearer.depths <= self.depths)
+        normals = np.where(is_nearer[..., None], nearer.normals, self.normals)
+        depths = np.where(is_nearer, nearer.depths, self.depths)
+        rivalry = None
+        if self.rivalry is not None and nearer.rivalry is not None:
+            rivalry = np.where(is_nearer, nearer.rivalry, self.rivalry)
+        return self._replace(normals=normals, depths=depths, rivalry=rivalry, tangents=None)
+
 
 class _Fit(NamedTuple):
     """A surface of revolution that accepted normals support.
@@ -114,14 +132,29 @@ def surface_of_revolution_normals(
     fit = _supported_fit(silhouette, accepted, candidates, limits, limits.largest_error(accepted, field))
     if fit is None:
         return None
-    opening = find_opening(fit.surface, mask, candidates)
-    # A relief turns rays aside as well.
-    if opening is not None and fit.relief is None and is_solid(opening, mask, candidates):
-        opening = None
-    shown = sampled_candidates(mask, candidates, SHOWN_PIXELS)
+    # A relief turns rays aside as a solid does.
+    find = hollow_opening if fit.relief is None else find_opening
+    opening = find(fit.surface, mask, candidates)
     by_contour = fit.surface.with_risen_plates(*_accepted_normals(mask, accepted))
-    slopes = ShownSlopes.on(by_contour, *shown)
-    surface = with_shown_slopes(by_contour, slopes)
+    return shown_normals(by_contour, opening, mask, candidates, fit.error, fit.relief)
+
+
+def shown_normals(
+    surface: SurfaceOfRevolution,
+    opening: Opening | None,
+    mask: np.ndarray,
+    candidates: np.ndarray,
+    error: float = 0.0,
+    relief: Relief | None = None,
+) -> RotationalNormals | None:
+    """Return what a mask (H, W) bool shows of a body about an axis; None if all rays miss it.
+
+    surface: with the contour's radii and slopes; candidates (K, H, W, 3), NaN where there is none, show the true
+    slopes. opening: of its end. error: mean angle in degrees between accepted normals and the body without relief.
+    """
+    shown = sampled_candidates(mask, candidates, SHOWN_PIXELS)
+    slopes = ShownSlopes.on(surface, *shown)
+    surface = with_shown_slopes(surface, slopes)
     x, y = pixel_positions(mask)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
@@ -130,8 +163,8 @@ def surface_of_revolution_normals(
     is_wall = np.isfinite(hits.heights) & ~surface.is_end_at(hits)
     rivalry = np.where(is_wall, np.interp(hits.heights, surface.heights, slopes.rivalry(surface.slope_angles)), 0.0)
     tangents = np.where(is_wall[:, None], unit(np.cross(hits.upward, hits.outward)), np.nan)
-    if fit.relief is not None:
-        normals = fit.relief.normals(x, y, normals)
+    if relief is not None:
+        normals = relief.normals(x, y, normals)
     if opening is not None:
         inside = with_shown_slopes(opening.surface, ShownSlopes.on(opening.surface, *shown))
         _see_into(replace(opening, surface=inside), opening.around[mask], x, y, normals, depths)
@@ -140,8 +173,8 @@ def surface_of_revolution_normals(
         # Rays at the contour may miss the surface.
         with_nearest(picture(mask, normals), mask),
         picture(mask, depths),
-        fit.relief.fit if fit.relief else 0.0,
-        fit.error,
+        relief.fit if relief else 0.0,
+        error,
         picture(mask, rivalry, 0.0),
         picture(mask, tangents),
     )

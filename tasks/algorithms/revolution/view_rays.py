@@ -1,4 +1,4 @@
-"""View rays in the frame of an axis of revolution, and where they enter a surface of revolution about it.
+"""View rays in the frame of an axis, and where they enter a body about it, as a surface of revolution.
 
 The rays are parallel, or those of a perspective camera aimed at the object (`aimed_view`): then the origin of the image
 is its principal point, and the camera stands where the rays meet, one focal length before the plane z = 0 in which a
@@ -15,6 +15,7 @@ from numba import njit
 
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.sections.rounded_polygon import CIRCLE, RoundedPolygon, apothem_at
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 DEPTH_SAMPLES = 160
@@ -36,6 +37,26 @@ class AxisRays:
     def at(self, depths: np.ndarray) -> np.ndarray:
         """Return the points (N, 3) of the rays at z (N,)."""
         return self.origins + depths[:, None] * self.directions
+
+
+@dataclass(frozen=True, slots=True)
+class RayHits:
+    """Intersections of N view rays with a body about an axis, in pixels; NaN for rays that miss it.
+
+    heights: (N,), along the axis. depths: (N,), z towards the camera, from the plane through the axis' image point.
+    across, forward: (N,), from the axis, in its frame. apothems: (N,), of the sections through these points, the radii
+    of circles. outward: (N, 3), perpendicular to the section, as long as its apothem times how much that grows outwards
+    (as long as the radius of a circle), and upward: (N, 3), along the axis, unit; both relative to the ray, as the
+    normals of a pixel are.
+    """
+
+    heights: np.ndarray
+    depths: np.ndarray
+    across: np.ndarray
+    forward: np.ndarray
+    apothems: np.ndarray
+    outward: np.ndarray
+    upward: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +104,14 @@ class AxisFrame:
         return np.asarray(np.arctan2(camera[2] - self.inverse_focal * heights, camera[1]))
 
 
-def entry_depths(rays: AxisRays, heights: np.ndarray, squared_radii: np.ndarray, reach: float, far: bool) -> np.ndarray:
+def entry_depths(
+    rays: AxisRays,
+    heights: np.ndarray,
+    squared_radii: np.ndarray,
+    reach: float,
+    far: bool,
+    section: RoundedPolygon = CIRCLE,
+) -> np.ndarray:
     """Return z (N,) in pixels of the first point inside the body along each ray, from the far end if `far`.
 
     NaN for rays that miss the body.
@@ -91,36 +119,50 @@ def entry_depths(rays: AxisRays, heights: np.ndarray, squared_radii: np.ndarray,
     Args:
         rays: N of them, in the frame of the axis.
         heights: (M,), samples along the axis, equidistant.
-        squared_radii: (M,) there; 0 beyond the ends.
+        squared_radii: (M,) there, of the circles, or squared apothems; 0 beyond the ends.
         reach: z of the body is between this and its negative, pixels.
         far: whether to begin at the far end.
+        section: of the body.
     """
     depths = np.linspace(reach, -reach, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
-    return np.asarray(_entry_depths(rays.origins, rays.directions, heights, squared_radii, depths))
+    bounds = min(1.0, section.width) ** 2, section.circumradius**2
+    return np.asarray(
+        _entry_depths(rays.origins, rays.directions, heights, squared_radii, depths, bounds, section.shape)
+    )
 
 
 @njit(cache=True, nogil=True)
 def _entry_depths(
-    origins: np.ndarray, directions: np.ndarray, heights: np.ndarray, squared_radii: np.ndarray, depths: np.ndarray
+    origins: np.ndarray,
+    directions: np.ndarray,
+    heights: np.ndarray,
+    squared_radii: np.ndarray,
+    depths: np.ndarray,
+    bounds: tuple[float, float],
+    shape: tuple[int, float, float, float],
 ) -> np.ndarray:
-    """Return what `entry_depths` does; depths: samples of each ray."""
+    """Return what `entry_depths` does.
+
+    depths: samples of each ray. bounds: squared distances from the axis between which a section of apothem 1 ends.
+    shape: of the section.
+    """
     result = np.full(len(origins), np.nan)
-    widest = squared_radii.max()
+    widest = squared_radii.max() * bounds[1]
     for ray in range(len(origins)):
         origin = origins[ray, 0], origins[ray, 1], origins[ray, 2]
         direction = directions[ray, 0], directions[ray, 1], directions[ray, 2]
-        # No point of the ray is nearer to the axis than the widest circle.
+        # No point of the ray is nearer to the axis than the widest circle about the body.
         passing = origin[0] * direction[1] - origin[1] * direction[0]
         if passing**2 >= widest * (direction[0] ** 2 + direction[1] ** 2):
             continue
         for sample in range(len(depths)):
             inside = depths[sample]
-            if not _is_inside(inside, origin, direction, heights, squared_radii):
+            if not _is_inside(inside, origin, direction, heights, squared_radii, bounds, shape):
                 continue
             outside = depths[max(sample - 1, 0)]
             for _ in range(BISECTION_STEPS):
                 middle = (inside + outside) / 2
-                if _is_inside(middle, origin, direction, heights, squared_radii):
+                if _is_inside(middle, origin, direction, heights, squared_radii, bounds, shape):
                     inside = middle
                 else:
                     outside = middle
@@ -136,6 +178,8 @@ def _is_inside(
     direction: tuple[float, float, float],
     heights: np.ndarray,
     squared_radii: np.ndarray,
+    bounds: tuple[float, float],
+    shape: tuple[int, float, float, float],
 ) -> bool:
     """Return whether a point of a ray is nearer to the axis than the wall, whose squared radii are interpolated."""
     height, last = origin[2] + depth * direction[2], len(heights) - 1
@@ -145,4 +189,10 @@ def _is_inside(
     below = min(int(place), last - 1)
     square = squared_radii[below] + (place - below) * (squared_radii[below + 1] - squared_radii[below])
     across, forward = origin[0] + depth * direction[0], origin[1] + depth * direction[1]
-    return bool(square > across**2 + forward**2)
+    distance = across**2 + forward**2
+    if distance >= bounds[1] * square:
+        return False
+    if distance < bounds[0] * square:
+        return True
+    sides, turn, rounding, width = shape
+    return bool(square > apothem_at(across, forward, sides, turn, rounding, width)[0] ** 2)

@@ -16,7 +16,7 @@ from glint.tasks.algorithms.geometry.blur import blurred_sums
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions, to_camera
-from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles, lines_across_planes
+from glint.tasks.algorithms.revolution.inscribed_sections import inscribed_sections, lines_across_planes
 from glint.tasks.algorithms.revolution.opening import Opening, agreement
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG
 from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
@@ -147,7 +147,7 @@ def _rim_about(axis: ReflectionAxis, silhouette: SilhouetteSymmetry) -> Rim | No
         tilt = float(np.radians(tilt_deg))
         rays = AxisFrame.of(axis, tilt, silhouette.inverse_focal).rays(x, y)
         # Of all circles inside the contour the rim is the largest.
-        heights, radii = inscribed_circles(rays, DEPTH_STEP_PX)
+        heights, radii = inscribed_sections(rays, DEPTH_STEP_PX)
         largest = int(np.argmax(radii))
         height, radius = float(heights[largest]), float(radii[largest])
         _, starts, slopes = lines_across_planes(rays, DEPTH_STEP_PX)

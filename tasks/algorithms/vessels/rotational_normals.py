@@ -63,12 +63,7 @@ class RotationalSymmetry:
         if aimed is not None:
             fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field)
         result = body_normals(self._symmetry, *fit) or accepted_bowl(self._rims, fit[0], fit[2])
-        if aimed is None or result is None:
-            return result
-        normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
-        rivalry = None if result.rivalry is None else aimed.values_back(result.rivalry)
-        tangents = None if result.tangents is None else aimed.vectors_back(result.tangents)
-        return result._replace(normals=normals, depths=heights, rivalry=rivalry, tangents=tangents)
+        return result if aimed is None or result is None else result.seen_back(aimed)
 
     def unproven_normals(self, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray) -> np.ndarray | None:
         """Return the normals (H, W, 3) of a surface of revolution that fits what was observed better than the field.

@@ -7,10 +7,10 @@ import pytest
 
 from glint.tasks.algorithms.facets.facet_view import silhouette_contour
 from glint.tasks.algorithms.facets.faceted_body import FacetedBody
-from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.sections.rounded_polygon import RoundedPolygon
 from tests.tasks.algorithms.facets.bottle import BODY, NECK_RADIUS, NECK_TOP, render_bottle
 from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, SHAPE, Block
 
@@ -18,7 +18,7 @@ FRUSTUM = Block(lean=12.0)
 
 
 def body_of(mask: np.ndarray, slope: float, inverse_focal: float = 0.0) -> FacetedBody:
-    placement = Placement(0.0, 0.0, float(np.radians(slope)), RegularPolygon(6, float(np.radians(20.0))))
+    placement = Placement(0.0, 0.0, float(np.radians(slope)), RoundedPolygon(6, float(np.radians(20.0))))
     frame = placement.frame(inverse_focal, np.zeros(2), 1)
     return FacetedBody.inside(silhouette_contour(mask), frame, placement.polygon)
 

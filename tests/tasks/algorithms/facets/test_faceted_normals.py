@@ -6,10 +6,10 @@ import pytest
 from glint.tasks.algorithms.facets.facet_evidence import facet_log_ratio
 from glint.tasks.algorithms.facets.facet_view import FacetView
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
-from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.sections.rounded_polygon import RoundedPolygon
 from tests.tasks.algorithms.facets.bottle import render_bottle
 from tests.tasks.algorithms.prisms.block import CAMERA, INVERSE_FOCAL, SHAPE, Block, shown
 
@@ -23,7 +23,7 @@ def view_of(normals: np.ndarray, candidates: np.ndarray | None = None) -> FacetV
 
 
 def log_ratio(view: FacetView, tilt: float = 35.0, sides: int = 6, turn: float = 20.0) -> float:
-    polygon = RegularPolygon(sides, float(np.radians(turn)))
+    polygon = RoundedPolygon(sides, float(np.radians(turn)))
     return facet_log_ratio(view.body(Placement(0.0, 0.0, float(np.radians(tilt)), polygon)), view)
 
 
@@ -66,7 +66,7 @@ def test_a_round_wall_has_no_creases() -> None:
 def test_a_body_that_leaves_the_silhouette_empty_is_unlikely() -> None:
     normals = FRUSTUM.render()[0]
     view = view_of(normals)
-    narrow = Placement(0.0, 25.0, float(np.radians(35.0)), RegularPolygon(6, float(np.radians(20.0))))
+    narrow = Placement(0.0, 25.0, float(np.radians(35.0)), RoundedPolygon(6, float(np.radians(20.0))))
     assert facet_log_ratio(view.body(narrow), view) < 0.0
 
 

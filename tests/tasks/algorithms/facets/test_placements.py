@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
+from glint.tasks.algorithms.sections.rounded_polygon import RoundedPolygon
 from tests.tasks.algorithms.facets.bottle import BODY, render_bottle
 from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, Block
 
@@ -70,7 +70,7 @@ def test_nothing_is_tried_about_no_axis() -> None:
 
 
 def test_neighbours_lie_to_either_side() -> None:
-    placement = Placement(0.1, 2.0, 0.5, RegularPolygon(6, 0.2))
+    placement = Placement(0.1, 2.0, 0.5, RoundedPolygon(6, 0.2))
     neighbours = list(placement.beside(0.01, 0.5, 0.02, 0.1))
     assert len(neighbours) == 8
     assert {round(near.angle - 0.1, 6) for near in neighbours} == {-0.01, 0.0, 0.01}
@@ -78,15 +78,15 @@ def test_neighbours_lie_to_either_side() -> None:
     assert {round(near.polygon.turn - 0.2, 4) for near in neighbours} == {-0.1047, 0.0, 0.1047}
     assert all(placement.is_near(near) for near in neighbours)
     # A turn by a whole side is none, half a side is another body.
-    assert placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(6, 0.2 + np.pi / 3.0)))
-    assert not placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(6, 0.2 + np.pi / 6.0)))
-    assert not placement.is_near(Placement(0.1, 2.0, 0.5, RegularPolygon(5, 0.2)))
-    assert not placement.is_near(Placement(0.1, 2.0, 0.5 + np.radians(11.0), RegularPolygon(6, 0.2)))
-    assert not placement.is_near(Placement(0.1 + np.radians(1.1), 2.0, 0.5, RegularPolygon(6, 0.2)))
+    assert placement.is_near(Placement(0.1, 2.0, 0.5, RoundedPolygon(6, 0.2 + np.pi / 3.0)))
+    assert not placement.is_near(Placement(0.1, 2.0, 0.5, RoundedPolygon(6, 0.2 + np.pi / 6.0)))
+    assert not placement.is_near(Placement(0.1, 2.0, 0.5, RoundedPolygon(5, 0.2)))
+    assert not placement.is_near(Placement(0.1, 2.0, 0.5 + np.radians(11.0), RoundedPolygon(6, 0.2)))
+    assert not placement.is_near(Placement(0.1 + np.radians(1.1), 2.0, 0.5, RoundedPolygon(6, 0.2)))
 
 
 def test_a_coarser_image_has_the_same_axis_in_its_own_pixels() -> None:
-    placement = Placement(0.3, 20.0, 0.5, RegularPolygon(6, 0.2))
+    placement = Placement(0.3, 20.0, 0.5, RoundedPolygon(6, 0.2))
     middle = np.array([3.0, -4.0])
     frame = placement.frame(1.0 / 450.0, middle, 2)
     assert (2.0 * frame.point + middle) @ placement.axis.normal == pytest.approx(20.0)

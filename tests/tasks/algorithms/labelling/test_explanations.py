@@ -8,12 +8,18 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.angular_bodies.angular_normals import AngularVesselSearch
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling import explanations
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.explanations import explain
-from glint.tasks.algorithms.labelling.flat_solids import MIN_SOLID_NATS, likely_solids
+from glint.tasks.algorithms.labelling.flat_solids import (
+    MIN_SOLID_NATS,
+    is_angular_vessel,
+    likely_solids,
+    likely_vessel,
+)
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
@@ -47,12 +53,19 @@ def bodies_of(*solids: PolyhedralNormals) -> FacetSearch:
 
 
 NO_PRISM = cast(PrismSearch, SimpleNamespace(best=None))
+NO_VESSEL = cast(AngularVesselSearch, SimpleNamespace(best=None))
+
+
+def vessel_of(normals: np.ndarray) -> AngularVesselSearch:
+    depths = np.zeros(normals.shape[:2], np.float32)
+    best = RotationalNormals(normals.astype(np.float32), depths, 0.0, 0.0)
+    return SimpleNamespace(best=best)  # type: ignore[return-value]
 
 
 def with_searches(settled: Alternation, **searches: Any) -> Alternation:
     """Replace searches of the view by others."""
     state = copy(settled)
-    state.view = replace(settled.view, **{"rounded": NO_PRISM} | searches)
+    state.view = replace(settled.view, **{"rounded": NO_PRISM, "angular": NO_VESSEL} | searches)
     return state
 
 
@@ -236,6 +249,38 @@ def test_a_rounded_prism_comes_before_a_solid_that_explains_no_more(settled: Alt
     assert [solid.log_ratio for solid in likely_solids(alone)] == [80.0]
     for refused in (prism_of(truth, faces, 0.5 * MIN_SOLID_NATS), prism_of(nowhere, faces, 80.0)):
         assert likely_solids(with_searches(settled, prism=NO_PRISM, rounded=refused, facets=bodies_of())) == []
+
+
+def test_a_square_vessel_must_explain_more_than_any_solid(settled: Alternation, truth: np.ndarray) -> None:
+    faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
+    less = otherwise_where_dark(settled, truth, 0.3)
+    is_left = np.arange(truth.shape[1])[:, None] < truth.shape[1] // 2
+    half = np.where(is_left, unit(truth + np.array([0.3, 0.0, 0.0])), truth)
+    for normals, is_vessel in ((half, True), (less, False)):
+        solid = PolyhedralNormals(normals, depths, faces, 90.0)
+        state = with_searches(settled, prism=NO_PRISM, angular=vessel_of(truth), facets=bodies_of(solid))
+        solids = [solid]
+        assert (likely_vessel(solids, state) is state.view.angular.best) is is_vessel
+    nowhere = unit(truth + np.array([0.3, 0.0, 0.0]))
+    assert likely_vessel([], with_searches(settled, angular=vessel_of(nowhere))) is None
+    assert likely_vessel([], with_searches(settled)) is None
+
+
+def test_labels_start_again_from_a_square_vessel(settled: Alternation, truth: np.ndarray) -> None:
+    searches = {"prism": NO_PRISM, "facets": bodies_of(), "angular": vessel_of(truth)}
+    state = explain(with_searches(settled, **searches))
+    assert state.expected is not None
+    assert np.array_equal(state.expected, truth.astype(np.float32), equal_nan=True)
+    assert state.body_depth is not None
+
+
+def test_a_square_vessel_takes_the_place_of_a_body_that_explains_little(
+    settled: Alternation, truth: np.ndarray
+) -> None:
+    nowhere = unit(truth + np.array([0.3, 0.0, 0.0]))
+    for normals, is_vessel in ((nowhere, True), (truth, False)):
+        state = with_searches(settled, angular=vessel_of(truth))
+        assert is_angular_vessel(normals, state) is is_vessel
 
 
 def test_a_rounded_prism_takes_the_place_of_a_body_of_revolution(settled: Alternation, truth: np.ndarray) -> None:

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from tests.tasks.algorithms.prisms.block import Block
+from tests.tasks.algorithms.prisms.rendered import rendered
 
 SHAPE = (150, 150)
 INVERSE_FOCAL = 1.0 / 400.0
 CAMERA = np.array([[1 / INVERSE_FOCAL, 0.0, 74.5], [0.0, 1 / INVERSE_FOCAL, 74.5], [0.0, 0.0, 1.0]])
-STEP, HALVINGS = 2.0, 14
 
 
 @dataclass(frozen=True)
@@ -42,24 +41,8 @@ class RoundedBlock:
 
     def render(self) -> tuple[np.ndarray, np.ndarray]:
         """Return normals (H, W, 3), camera frame, and z (H, W); NaN beside the box."""
-        rows, columns = np.indices(SHAPE).astype(float)
-        x, y = to_camera(columns.ravel(), rows.ravel(), SHAPE[1], SHAPE[0])
-        rays = np.column_stack([-self.inverse_focal * x, -self.inverse_focal * y, np.ones_like(x)])
-        starts = np.column_stack([x, y, np.zeros_like(x)])
         high = float(np.linalg.norm([self.half_width, self.half_height, self.half_width]))
-        near = np.full(len(x), np.nan)
-        for z in np.arange(high, -high, -STEP):
-            is_hit = np.isnan(near) & (self._distance(starts + z * rays) < 0.0)
-            near[is_hit] = z
-        above, below = near + STEP, near
-        for _ in range(HALVINGS):
-            middle = (above + below) / 2.0
-            is_inside = self._distance(starts + middle[:, None] * rays) < 0.0
-            above, below = np.where(is_inside, above, middle), np.where(is_inside, middle, below)
-        points = starts + below[:, None] * rays
-        shifts = 1e-3 * np.eye(3)
-        slopes = [self._distance(points + shift) - self._distance(points - shift) for shift in shifts]
-        return unit(np.column_stack(slopes)).reshape(*SHAPE, 3), points[:, 2].reshape(SHAPE)
+        return rendered(self._distance, high, SHAPE, self.inverse_focal)
 
     def _distance(self, points: np.ndarray) -> np.ndarray:
         """Return the distances (N,) of points (N, 3) from the box, negative inside."""

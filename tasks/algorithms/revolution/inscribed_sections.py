@@ -1,28 +1,53 @@
-"""Largest circles about an axis whose images lie inside a contour."""
+"""Largest circles, or other sections, about an axis whose images lie inside a contour."""
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from glint.tasks.algorithms.revolution.view_rays import AxisRays
+from glint.tasks.algorithms.sections.rounded_polygon import CIRCLE, RoundedPolygon, apothem_at
 
 MIN_SIN_TILT = 0.005
 """Lower bound of the sine of the angle between a ray and the planes of the circles."""
 MIN_COS_TILT = 0.2
 """Lower bound of its cosine: circles are not looked for along an axis that points to the camera."""
 
+MIN_APOTHEM_PX = 2.0
+"""Apothem below which a body that is not round ends."""
+EDGE_ON_PX = 1.0
+"""Half the height in pixels of a section's image below which it is a line."""
 
-def inscribed_circles(contour: AxisRays, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return heights (N,), equidistant by `step`, and the radii (N,) of the largest circles inside a closed contour.
 
-    contour: rays through its points, in order, dense against the circles.
+def inscribed_sections(
+    contour: AxisRays, step: float, section: RoundedPolygon = CIRCLE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (N,), equidistant by `step`, and apothems (N,) of the largest sections inside a closed contour.
+
+    contour: rays through its points, in order, dense against the sections. section: a circle, whose apothem is its
+    radius, or another one.
     """
     heights, starts, slopes = lines_across_planes(contour, step)
-    # A circle inside the contour is smaller than the distance from the axis at which each ray meets its plane.
-    squared = _least_squared_distances(heights, starts, slopes)
-    # A circle that is seen nearly edge-on passes between two points of the contour.
+    # A section inside the contour is smaller than the one through the point at which each ray meets its plane.
+    if section.is_circle:
+        apothems = np.sqrt(_least_squared_distances(heights, starts, slopes))
+    else:
+        apothems = _least_apothems(heights, starts, slopes, section.circumradius, *section.shape)
+    # One that is seen nearly edge-on passes between two points of the contour.
     heights_met, sides_met = contour_crossings(contour, heights, step)
-    np.minimum.at(squared, heights_met, sides_met**2)
-    return heights, np.sqrt(squared)
+    # Beyond the body's ends rays meet planes far away, so its own width tells how high the image is.
+    depth = float(np.abs(sides_met).max(initial=0.0)) * float(np.abs(contour.directions[:, 2]).max())
+    if depth < EDGE_ON_PX:
+        # Its farthest points to both sides are seen where the contour crosses the height.
+        left, right = section.reach(np.array([-1.0, 0.0])), section.reach(np.array([1.0, 0.0]))
+        met = np.maximum(-sides_met / left, sides_met / right)
+    else:
+        met = section.apothems(np.column_stack([sides_met, np.zeros(len(sides_met))]))
+    np.minimum.at(apothems, heights_met, met)
+    if not section.is_circle:
+        # Beyond both ends they grow again, outside of the contour.
+        parts, _ = ndimage.label(apothems >= MIN_APOTHEM_PX)
+        apothems[(parts != parts[apothems.argmax()]) | (parts == 0)] = 0.0
+    return heights, apothems
 
 
 def lines_across_planes(contour: AxisRays, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,6 +96,33 @@ def _least_squared_distances(heights: np.ndarray, starts: np.ndarray, slopes: np
             side, front = across[line] + height * across_slope[line], forward[line] + height * forward_slope[line]
             nearest = min(nearest, side * side + front * front)
         least[sample] = nearest
+    return least
+
+
+@njit(cache=True, nogil=True)
+def _least_apothems(
+    heights: np.ndarray,
+    starts: np.ndarray,
+    slopes: np.ndarray,
+    circumradius: float,
+    sides: int,
+    turn: float,
+    rounding: float,
+    width: float,
+) -> np.ndarray:
+    """Return the least apothem (N,) of the sections through lines at each height (N,).
+
+    starts, slopes: (M, 2), see `_least_squared_distances`. circumradius and the others: of the section.
+    """
+    least = np.empty(len(heights))
+    for sample in range(len(heights)):
+        smallest, height = np.inf, heights[sample]
+        for line in range(len(starts)):
+            across, forward = starts[line, 0] + height * slopes[line, 0], starts[line, 1] + height * slopes[line, 1]
+            # Beyond the circle about the smallest section no other one is smaller.
+            if across * across + forward * forward < (circumradius * smallest) ** 2:
+                smallest = min(smallest, apothem_at(across, forward, sides, turn, rounding, width)[0])
+        least[sample] = smallest
     return least
 
 
