@@ -33,8 +33,8 @@ UPRIGHT_WORTH = 0.06
 and faces of a block look alike about each of its axes."""
 MIN_TRIED_AGREEMENT = -0.01
 """Agreement of the best of these from which it is refined."""
-MOST_STARTS, REFINED_STARTS = 5, 2
-"""Bodies that are refined, and how many of these are refined further."""
+MOST_STARTS = (5, 2, 1)
+"""Placements that are refined in each round of refinement."""
 NEAR_TILT, NEAR_TURN = np.radians(11.0), np.radians(17.0)
 """Differences of tilt and turn up to which two starts lead to the same body."""
 SIMPLEX_STEPS = np.array([np.radians(2.0), 0.04, np.radians(4.0), np.radians(9.0), 0.12, 0.12])
@@ -44,12 +44,17 @@ MIN_ROUNDING, MIN_STRAIGHT = 0.02, 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class _Fineness:
-    """How exactly bodies are compared: every `stride`-th pixel, so many samples along the axis, and the tolerance."""
+class _Round:
+    """A round of the search, in which bodies are compared by every `stride`-th pixel, see `SampledCandidates`.
+
+    samples: of their profile. tolerance_deg: of the agreement. scale: of the first steps. evaluations: at most.
+    """
 
     stride: int
     samples: int
     tolerance_deg: float
+    scale: float = 0.0
+    evaluations: int = 0
 
 
 class RatedPlacement(NamedTuple):
@@ -65,15 +70,9 @@ class RatedPlacement(NamedTuple):
 
 
 BY_WORTH = attrgetter("worth")
-TRIED, STARTED, CLOSE, FINAL = (
-    _Fineness(4, 40, 20.0),
-    _Fineness(2, 50, 14.0),
-    _Fineness(2, 80, 8.0),
-    _Fineness(1, 100, 6.0),
-)
-"""Of the placements that are tried first, and of the three rounds of refinement."""
-EVALUATIONS = 90, 120, 120
-"""Bodies that a refinement may try in these rounds."""
+FIRST_ROUND = _Round(4, 40, 20.0)
+REFINEMENTS = (_Round(2, 50, 14.0, 1.5, 90), _Round(2, 80, 8.0, 1.0, 120), _Round(1, 100, 6.0, 0.5, 120))
+"""The round in which placements are tried, and those in which the best are refined."""
 FINE_STEP_PX = 0.5
 """Step along the axis of the resulting body."""
 
@@ -93,18 +92,18 @@ class AngularSearch:
     @cached_property
     def best(self) -> RatedPlacement | None:
         """Placement of the body with which candidates agree most; None if they agree with none."""
-        tried = [RatedPlacement(placement, self._agreement(placement, TRIED)) for placement in self._tried()]
+        tried = [RatedPlacement(placement, self._agreement(placement, FIRST_ROUND)) for placement in self._tried()]
         tried.sort(key=BY_WORTH, reverse=True)
         if not tried or tried[0].agreement < MIN_TRIED_AGREEMENT:
             return None
         starts: list[RatedPlacement] = []
         for rated in tried:
-            if len(starts) < MOST_STARTS and not any(_is_near(rated.placement, start.placement) for start in starts):
+            if len(starts) < MOST_STARTS[0] and not any(_is_near(rated.placement, start.placement) for start in starts):
                 starts.append(rated)
-        refined = [self._refined(start.placement, STARTED, 1.5, EVALUATIONS[0]) for start in starts]
-        refined.sort(key=BY_WORTH, reverse=True)
-        refined = [self._refined(start.placement, CLOSE, 1.0, EVALUATIONS[1]) for start in refined[:REFINED_STARTS]]
-        return self._refined(max(refined, key=BY_WORTH).placement, FINAL, 0.5, EVALUATIONS[2])
+        for refinement, count in zip(REFINEMENTS, MOST_STARTS, strict=True):
+            starts = [self._refined(start.placement, refinement) for start in starts[:count]]
+            starts.sort(key=BY_WORTH, reverse=True)
+        return starts[0]
 
     def body(self, placement: Placement, step: float = FINE_STEP_PX) -> SurfaceOfRevolution:
         """Return the largest body of a placement inside the silhouette; step: along the axis, pixels."""
@@ -121,20 +120,20 @@ class AngularSearch:
                 result.append(Placement(*place, float(tilt), RoundedPolygon(4, float(turn), START_ROUNDING)))
         return result
 
-    def _agreement(self, placement: Placement, fineness: _Fineness) -> float:
-        body = self.body(placement, self._length / fineness.samples)
-        return self.shown.agreement(body, fineness.tolerance_deg, fineness.stride)
+    def _agreement(self, placement: Placement, comparison: _Round) -> float:
+        body = self.body(placement, self._length / comparison.samples)
+        return self.shown.agreement(body, comparison.tolerance_deg, comparison.stride)
 
-    def _refined(self, start: Placement, fineness: _Fineness, scale: float, evaluations: int) -> RatedPlacement:
+    def _refined(self, start: Placement, refinement: _Round) -> RatedPlacement:
         """Return the best placement near a start, by the simplex of Nelder and Mead."""
-        steps = scale * SIMPLEX_STEPS * [1.0, self._inradius, 1.0, 1.0, 1.0, 1.0]
+        steps = refinement.scale * SIMPLEX_STEPS * [1.0, self._inradius, 1.0, 1.0, 1.0, 1.0]
 
         def contradiction(offsets: np.ndarray) -> float:
             placement = _moved(start, offsets * steps)
-            return 2.0 if placement is None else -self._agreement(placement, fineness)
+            return 2.0 if placement is None else -self._agreement(placement, refinement)
 
         simplex = np.vstack([np.zeros(len(steps)), np.eye(len(steps))])
-        options = {"initial_simplex": simplex, "maxfev": evaluations, "xatol": 0.02, "fatol": 1e-4}
+        options = {"initial_simplex": simplex, "maxfev": refinement.evaluations, "xatol": 0.02, "fatol": 1e-4}
         optimum = optimize.minimize(contradiction, np.zeros(len(steps)), method="Nelder-Mead", options=options)
         return RatedPlacement(_moved(start, optimum.x * steps) or start, -float(optimum.fun))
 

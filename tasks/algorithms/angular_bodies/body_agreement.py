@@ -8,7 +8,7 @@ from glint.tasks.algorithms.geometry.vectors import angles, positions_at, sample
 from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
-COMPARED_PIXELS = 1500
+AGREEMENT_PIXELS = 1500
 """Pixels of the object at which bodies are compared."""
 
 
@@ -30,7 +30,7 @@ class SampledCandidates:
         swept = SweptNormals.of(np.where(mask[..., None], candidates, np.nan))
         if swept is None:
             return None
-        rows, columns = sampled_pixels(mask, COMPARED_PIXELS)
+        rows, columns = sampled_pixels(mask, AGREEMENT_PIXELS)
         return cls(*positions_at(rows, columns, mask.shape), candidates[:, rows, columns], swept)
 
     def agreement(self, body: SurfaceOfRevolution, tolerance_deg: float, stride: int = 1) -> float:
