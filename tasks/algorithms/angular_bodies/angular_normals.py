@@ -7,8 +7,9 @@ import numpy as np
 
 from glint.tasks.algorithms.angular_bodies.angular_search import FINE_STEP_PX, AngularSearch
 from glint.tasks.algorithms.angular_bodies.body_agreement import SampledCandidates
-from glint.tasks.algorithms.revolution.hollowness import hollow_opening, wall_angle_deg
-from glint.tasks.algorithms.revolution.opening import Opening, find_opening
+from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions
+from glint.tasks.algorithms.revolution.hollowness import hollow_opening
+from glint.tasks.algorithms.revolution.opening import AGREES_DEG, MIN_OBSERVED_NZ, Opening, find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.revolution.symmetry import RotationalNormals, shown_normals
 from glint.tasks.algorithms.silhouettes.aimed_search import AimedSearch
@@ -16,9 +17,10 @@ from glint.tasks.algorithms.silhouettes.aimed_search import AimedSearch
 MIN_VESSEL_AGREEMENT, MAX_ROUNDING = 0.06, 0.75
 """Agreement of candidates from which there is such a vessel: 0.08 to 0.5 on square tumblers and bottles, up to 0.03 on
 other objects; and the rounding from which its section may as well be a circle."""
-MIN_LIP, MIN_WALL_DEG = 0.06, 3.5
-"""Thickness of the lip, in apothems of the end, and median angle of the wall from the axis, from which an end is open:
-through the flat top of a solid block too the far wall is seen, and if it is parallel to the axis, as it is."""
+EXACT_DEG, MIN_EXACT_SHARE = 2.0, 0.45
+"""Angle from the far wall's normal within which a candidate is exact, and the share of exact ones among those that
+agree from which an end is open: 0.6 to 0.9 on open vessels. Through the flat top of a solid block the far wall is seen
+as well, but 2.4 degrees or more beside its place: up to 0.25."""
 MAX_NECK_SHARE, MIN_NECK_PX = 0.65, 3.0
 """Apothem relative to the largest below which the rest of a body is its neck, and the least length of one."""
 
@@ -50,7 +52,7 @@ def vessel_normals(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.n
     """
     length = _neck_length(body)
     if length < MIN_NECK_PX:
-        vessel = shown_normals(body, _proven_opening(body, mask, candidates), mask, candidates)
+        vessel = shown_normals(body, _exact_opening(body, mask, candidates), mask, candidates)
     else:
         neck = _round_neck(body, length, mask)
         trunk = shown_normals(body.cut_off(length), None, mask, candidates)
@@ -59,13 +61,17 @@ def vessel_normals(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.n
     return None if vessel is None else vessel._replace(tangents=None)
 
 
-def _proven_opening(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:
+def _exact_opening(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:
     """Return the opening of a body's end that faces the camera; None if it may be the flat top of a solid."""
     opening = find_opening(body, mask, candidates)
     if opening is None:
         return None
-    is_hollow = opening.lip > MIN_LIP * opening.surface.end_radius or wall_angle_deg(opening.surface) > MIN_WALL_DEG
-    return opening if is_hollow else None
+    normals, _, is_far = opening.entries(*pixel_positions(opening.around))
+    is_observed = is_far & (normals[:, 2] > MIN_OBSERVED_NZ)
+    error = angles(candidates[:, opening.around][:, is_observed], normals[is_observed])
+    nearest = np.nan_to_num(error, nan=np.inf).min(axis=0, initial=np.inf)
+    exact, agreeing = (np.count_nonzero(nearest < limit) for limit in (EXACT_DEG, AGREES_DEG))
+    return opening if exact > MIN_EXACT_SHARE * agreeing else None
 
 
 def _neck_length(body: SurfaceOfRevolution) -> float:

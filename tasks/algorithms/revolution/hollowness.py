@@ -45,7 +45,7 @@ def is_solid(opening: Opening, mask: np.ndarray, candidates: np.ndarray) -> bool
     mask: (H, W) bool, the silhouette. candidates: (K, H, W, 3), NaN where there is none.
     """
     surface = opening.surface
-    if opening.lip > MAX_LIP_RADII * surface.end_radius or wall_angle_deg(surface) > MAX_WALL_DEG:
+    if opening.lip > MAX_LIP_RADII * surface.end_radius or _wall_angle_deg(surface) > MAX_WALL_DEG:
         return False
     x, y = pixel_positions(mask)
     hits = surface.intersect(x, y)
@@ -61,7 +61,7 @@ def is_solid(opening: Opening, mask: np.ndarray, candidates: np.ndarray) -> bool
     return agreeing_share(through_wall) < MIN_THROUGH_RATIO * agreeing_share(in_end)
 
 
-def wall_angle_deg(surface: SurfaceOfRevolution) -> float:
+def _wall_angle_deg(surface: SurfaceOfRevolution) -> float:
     """Return the median angle in degrees between the wall and the axis within a radius below the end."""
     below = (surface.end_height - surface.heights) * surface.facing
     is_wall = (below > 0.0) & (below < surface.end_radius) & (surface.squared_radii > 0.0)
