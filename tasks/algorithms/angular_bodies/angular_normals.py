@@ -17,7 +17,7 @@ from glint.tasks.algorithms.silhouettes.aimed_search import AimedSearch
 MIN_VESSEL_AGREEMENT, MAX_ROUNDING = 0.06, 0.75
 """Agreement of candidates from which there is such a vessel: 0.08 to 0.5 on square tumblers and bottles, up to 0.03 on
 other objects; and the rounding from which its section may as well be a circle."""
-EXACT_DEG, MIN_EXACT_SHARE = 2.0, 0.45
+EXACT_FAR_DEG, MIN_EXACT_SHARE = 2.0, 0.45
 """Angle from the far wall's normal within which a candidate is exact, and the share of exact ones among those that
 agree from which an end is open: 0.6 to 0.9 on open vessels. Through the flat top of a solid block the far wall is seen
 as well, but 2.4 degrees or more beside its place: up to 0.25."""
@@ -70,7 +70,7 @@ def _exact_opening(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.n
     is_observed = is_far & (normals[:, 2] > MIN_OBSERVED_NZ)
     error = angles(candidates[:, opening.around][:, is_observed], normals[is_observed])
     nearest = np.nan_to_num(error, nan=np.inf).min(axis=0, initial=np.inf)
-    exact, agreeing = (np.count_nonzero(nearest < limit) for limit in (EXACT_DEG, AGREES_DEG))
+    exact, agreeing = (np.count_nonzero(nearest < limit) for limit in (EXACT_FAR_DEG, AGREES_DEG))
     return opening if exact > MIN_EXACT_SHARE * agreeing else None
 
 

@@ -29,8 +29,8 @@ START_TURNS = np.radians(np.arange(0.0, 90.0, 15.0))
 START_ROUNDING = 0.35
 """Tilts of the axis and turns of the section, radians, and rounding of its corners that are tried first."""
 UPRIGHT_WORTH = 0.06
-"""Agreement by which an axis that is upright in the image is preferred to a level one: vessels stand, and silhouette
-and faces of a block look alike about each of its axes."""
+"""Agreement by which an axis is preferred that is upright in the image, and whose upper end faces the camera: vessels
+stand, cameras look down on them, and silhouette and faces of a block look alike about each of its axes."""
 MIN_TRIED_AGREEMENT = -0.01
 """Agreement of the best of these from which it is refined."""
 MOST_STARTS = (5, 2, 1)
@@ -65,13 +65,14 @@ class RatedPlacement(NamedTuple):
 
     @property
     def worth(self) -> float:
-        """Agreement and how upright the axis is, by which placements are compared."""
-        return self.agreement + UPRIGHT_WORTH * abs(float(np.cos(self.placement.angle)))
+        """Agreement, and how usual the axis is, by which placements are compared."""
+        upright = abs(float(np.cos(self.placement.angle))) if self.placement.tilt > 0.0 else 0.0
+        return self.agreement + UPRIGHT_WORTH * upright
 
 
 BY_WORTH = attrgetter("worth")
 FIRST_ROUND = _Round(4, 40, 20.0)
-REFINEMENTS = (_Round(2, 50, 14.0, 1.5, 90), _Round(2, 80, 8.0, 1.0, 120), _Round(1, 100, 6.0, 0.5, 120))
+SIMPLEX_ROUNDS = (_Round(2, 50, 14.0, 1.5, 90), _Round(2, 80, 8.0, 1.0, 120), _Round(1, 100, 6.0, 0.5, 120))
 """The round in which placements are tried, and those in which the best are refined."""
 FINE_STEP_PX = 0.5
 """Step along the axis of the resulting body."""
@@ -100,7 +101,7 @@ class AngularSearch:
         for rated in tried:
             if len(starts) < MOST_STARTS[0] and not any(_is_near(rated.placement, start.placement) for start in starts):
                 starts.append(rated)
-        for refinement, count in zip(REFINEMENTS, MOST_STARTS, strict=True):
+        for refinement, count in zip(SIMPLEX_ROUNDS, MOST_STARTS, strict=True):
             starts = [self._refined(start.placement, refinement) for start in starts[:count]]
             starts.sort(key=BY_WORTH, reverse=True)
         return starts[0]

@@ -53,7 +53,7 @@ def test_through_an_opening_the_far_wall_is_seen(taper: float) -> None:
     assert (error < 5.0).mean() > 0.85
 
 
-@pytest.mark.parametrize(("beside_deg", "is_open"), [(0.0, True), (3.0, False)])
+@pytest.mark.parametrize(("beside_deg", "is_open"), [(0.0, True), (4.5, False)])
 def test_an_end_is_open_if_the_far_wall_is_seen_in_its_place(beside_deg: float, is_open: bool) -> None:
     vessel = SquareVessel(tilt=32.0)
     truth, hollow = vessel.render(), SquareVessel(tilt=32.0, wall=1.0).render()
@@ -66,7 +66,7 @@ def test_an_end_is_open_if_the_far_wall_is_seen_in_its_place(beside_deg: float, 
     result = vessel_normals(body_of(vessel, mask), mask, candidates)
     assert result is not None
     seen = hollow if is_open else truth
-    assert np.median(angles(result.normals, seen)[is_top]) < 3.0
+    assert np.nanmedian(angles(result.normals, seen)[is_top]) < 3.0
 
 
 def test_a_neck_is_round() -> None:
