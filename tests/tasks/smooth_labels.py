@@ -1,4 +1,4 @@
-"""Labels without the search for bodies and flat faces, nine tenths of their time, for tests of what lies around them."""
+"""Labels without the search for bodies and flat faces, nine tenths of their time, for tests of what is around them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
