@@ -50,13 +50,27 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def performed(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
-    """A store in which all stages of the simulated capture are performed, nothing is published; to be copied."""
+    """A store in which all stages of the simulated capture are performed, nothing is published; to be copied.
+
+    Its labels are smooth ones, see tests.tasks.smooth_labels.
+    """
     from glint.tasks.engine.references import CaptureReference
     from tests.tasks.make_context import perform_all
+    from tests.tasks.smooth_labels import smooth_labels as without_bodies
 
     store = tmp_path_factory.mktemp("performed") / "store"
-    perform_all(CaptureReference(str(simulated), "hemisphere", "front", str(store), "run").context())
+    with without_bodies():
+        perform_all(CaptureReference(str(simulated), "hemisphere", "front", str(store), "run").context())
     return store
+
+
+@pytest.fixture
+def smooth_labels() -> Iterator[None]:
+    """Labels take a tenth of their time, see tests.tasks.smooth_labels; fixtures of modules are made before."""
+    from tests.tasks.smooth_labels import smooth_labels as without_bodies
+
+    with without_bodies():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -43,6 +43,7 @@ def refuse(result: ObjectResult) -> None:
     pytest.fail(f"{result} is reported as unchanged")
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_need(
     simulated: Path, tmp_path: Path
 ) -> None:

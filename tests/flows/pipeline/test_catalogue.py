@@ -33,6 +33,8 @@ from tests.prefect_api import ask
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 Run = Callable[..., tuple[Any, list[Event]]]
+QUICK = {"labels": {"method": "winner"}}
+"""Labels in a tenth of the time: runs are what is tested here; one is with the usual labels."""
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +47,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
 
     def catalogue(name: str, objects: dict[str, tuple[Any, ...]], parameters: dict[str, Any] | None = None) -> None:
         entries = [good.model_copy(update={"id": each, "captures": captures}) for each, captures in objects.items()]
-        said = {"schema": 1, "name": name, "objects": entries, "parameters": parameters or {}}
+        said = {
+            "schema": 1,
+            "name": name,
+            "objects": entries,
+            "parameters": QUICK if parameters is None else parameters,
+        }
         write(Catalogue.model_validate(said), place / f"{name}.yaml")
 
     catalogue("good", {"a": (capture,), "b": (capture,)})
     catalogue("mixed", {"a": (capture,), "c": (capture, missing)})
     catalogue("bad", {"g": (missing,)})
     catalogue("large", {"d": (capture,)})
-    catalogue("changed", {"a": (capture,)}, {"labels": {"method": "winner"}})
-    catalogue("alone", {"e": (capture,)})
+    catalogue("changed", {"a": (capture,)}, {"labels": {"method": "paper"}})
+    catalogue("alone", {"e": (capture,)}, {})
     catalogue("crowded", {"f": (capture,)})
     return place
 

@@ -33,7 +33,10 @@ def damaged(tiny: Path, tmp_path: Path) -> tuple[Path, Path]:
     front = item.captures[0].model_copy(update={"pose": Pose(turntable=0)})
     views = front, front.model_copy(update={"id": "back", "pose": Pose(turntable=180)})
     catalogue, store = tmp_path / "two.yaml", tmp_path / "store"
-    write(loaded.model_copy(update={"objects": (item.model_copy(update={"captures": views}),)}), catalogue)
+    # Which labels a run makes is another matter.
+    parameters = {"labels": {"method": "winner"}}
+    objects = (item.model_copy(update={"captures": views}),)
+    write(loaded.model_copy(update={"objects": objects, "parameters": parameters}), catalogue)
     with open_footage(front.frames) as footage:
         noise = np.random.default_rng(0).random((footage.height, footage.width)) < 0.5
     edits = Edits.open(Location.parse(store), "hemisphere")

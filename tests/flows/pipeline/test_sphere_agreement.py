@@ -27,27 +27,38 @@ pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 SHIFT_PX, N_FRAMES = 2, 24
 
 
-@pytest.fixture
-def captures(simulated: Path, tmp_path: Path) -> ObjectCaptures:
+@pytest.fixture(scope="module")
+def captures(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> ObjectCaptures:
     """Three captures alike, one whose camera stood two pixels farther to the left, one that is dark."""
-    video = make_context(simulated, tmp_path).capture.frames
+    place = tmp_path_factory.mktemp("captures")
+    video = make_context(simulated, place).capture.frames
     with open_footage(video) as footage:
         frames = np.stack(footage.spread(N_FRAMES))
     contexts = list[CaptureContext]()
     for name in ("a", "b", "c", "odd", "dark"):
-        folder = tmp_path / name
+        folder = place / name
         folder.mkdir()
         shown = np.roll(frames, SHIFT_PX, axis=2) if name == "odd" else frames * np.uint8(name != "dark")
         for number, frame in enumerate(shown):
             cv2.imwrite(str(folder / f"{number:03d}.png"), frame)
         pattern = str(folder / "*.png")
-        contexts.append(make_context(simulated, tmp_path / "store", id=name, frames=pattern, spheres=[], markup=None))
+        contexts.append(make_context(simulated, place / "store", id=name, frames=pattern, spheres=[], markup=None))
     return ObjectCaptures(tuple(contexts), tuple(contexts), "catalogue.yaml", len(contexts))
 
 
-def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCaptures, cluster: Cluster) -> None:
+@pytest.fixture(scope="module")
+def surveys(captures: ObjectCaptures) -> list[tuple[StageRecord, ...]]:
+    """The records of the captures that are not dark, which are surveyed."""
+    return [tuple(perform_all(work, "survey")) for work in captures.chosen[:-1]]
+
+
+def test_the_spheres_of_an_objects_captures_are_compared(
+    captures: ObjectCaptures, surveys: list[tuple[StageRecord, ...]], cluster: Cluster
+) -> None:
     *seen, _ = captures.chosen
-    results = [CaptureResult("glass", work.capture.id, 1.0, tuple(perform_all(work, "survey"))) for work in seen]
+    results = [
+        CaptureResult("glass", work.capture.id, 1.0, records) for work, records in zip(seen, surveys, strict=True)
+    ]
     refused = CaptureResult("glass", "dark", 1.0, (), "no chrome sphere found in a frame", "put one there", True)
     sink = RecordingSink()
     with activate(cluster.client, sink):
@@ -71,13 +82,12 @@ def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCapture
         assert with_agreement(captures, [*results, unread])[-1] == unread
 
 
+@pytest.mark.usefixtures("surveys")
 @pytest.mark.parametrize("failed", [set[str](), {"dark"}])
 def test_a_capture_whose_address_cannot_be_used_does_not_keep_the_others_from_being_compared(
     captures: ObjectCaptures, failed: set[str]
 ) -> None:
     *seen, dark = captures.chosen
-    for work in seen:
-        perform_all(work, "survey")
     misnamed = replace(dark, capture=dark.capture.model_copy(update={"mask": "http://host/mask.png"}))
     warnings, _ = compare_captures([*seen, misnamed], failed, ())
     assert list(warnings) == ["odd"]

@@ -60,6 +60,7 @@ def values(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Changes:
     return Changes.model_validate({"spheres": [drawn], "mask": mask, "marks": marks})
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_edits_give_what_a_catalogue_of_these_values_gives(tiny: Path, tmp_path: Path, values: Changes) -> None:
     """And the keys are the same: the mask and the marks count by their content, wherever they lie."""
     assert values.mask is not None and values.marks is not None and values.spheres is not None

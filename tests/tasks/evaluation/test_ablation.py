@@ -16,6 +16,7 @@ from glint.tasks.evaluation.evaluation_sheet import reliability_diagram
 from glint.tasks.evaluation.report import ablation_table
 from glint.tasks.pipeline import STAGES
 from tests.tasks.make_context import make_context, perform_all
+from tests.tasks.smooth_labels import smooth_labels
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,8 @@ def work(simulated: Path, performed: Path, tmp_path_factory: pytest.TempPathFact
     shutil.copytree(performed, store)
     markup = Path(str(simulated)).parent / "hemisphere" / "front" / "markup.json"
     work = make_context(simulated, store, markup=str(markup))
-    perform_all(work)
+    with smooth_labels():
+        perform_all(work)
     return work
 
 

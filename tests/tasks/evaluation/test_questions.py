@@ -21,6 +21,7 @@ def work(simulated: Path, performed: Path, tmp_path_factory: pytest.TempPathFact
     return make_context(simulated, store)
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_questions_are_answered_from_the_truth(work: CaptureContext) -> None:
     evaluation = evaluate_questions(work, 1)
     assert evaluation is not None and evaluation.name == "hemisphere/front"

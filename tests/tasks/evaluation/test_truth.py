@@ -14,18 +14,23 @@ from glint.tasks.stages.capture_geometry import load_geometry
 from tests.tasks.make_context import make_context, perform_all
 
 
-@pytest.fixture
-def context(simulated: Path, tmp_path: Path) -> CaptureContext:
-    """A capture whose truth is in a folder of its own, to be changed."""
-    context = make_context(simulated, tmp_path / "store")
+@pytest.fixture(scope="module")
+def surveyed(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+    context = make_context(simulated, tmp_path_factory.mktemp("surveyed") / "store")
     perform_all(context, "survey")
-    assert context.capture.truth is not None
-    truth, folder = read_truth(context.capture.truth), tmp_path / "truth"
+    return context
+
+
+@pytest.fixture
+def context(surveyed: CaptureContext, tmp_path: Path) -> CaptureContext:
+    """A surveyed capture whose truth is in a folder of its own, to be changed."""
+    assert surveyed.capture.truth is not None
+    truth, folder = read_truth(surveyed.capture.truth), tmp_path / "truth"
     folder.mkdir()
     assert truth.normals is not None and truth.depth is not None
     np.save(folder / "normals.npy", truth.normals)
     np.save(folder / "depth.npy", truth.depth)
-    return replace(context, capture=context.capture.model_copy(update={"truth": str(folder)}))
+    return replace(surveyed, capture=surveyed.capture.model_copy(update={"truth": str(folder)}))
 
 
 def test_zeros_are_outside_the_object_like_nan(context: CaptureContext) -> None:

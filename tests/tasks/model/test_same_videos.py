@@ -12,11 +12,12 @@ from glint.tasks.model.same_videos import same_video_warnings, with_same_videos
 from tests.tasks.make_context import make_context, perform_all
 
 
-@pytest.fixture
-def works(simulated: Path, tmp_path: Path) -> list[CaptureContext]:
+@pytest.fixture(scope="module")
+def works(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
     """Two captures, the second one's video a copy of the first one's; surveyed."""
-    first = make_context(simulated, tmp_path / "store")
-    copy = shutil.copy(first.capture.frames, tmp_path / "copy.mp4")
+    folder = tmp_path_factory.mktemp("same-videos")
+    first = make_context(simulated, folder / "store")
+    copy = shutil.copy(first.capture.frames, folder / "copy.mp4")
     second = replace(first, capture=first.capture.model_copy(update={"id": "back", "frames": str(copy)}))
     for work in (first, second):
         perform_all(work, "survey")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import open3d as o3d
+import pytest
 
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -24,6 +25,7 @@ def sphere_around(columns: np.ndarray, rows: np.ndarray, matrix: np.ndarray, pix
     return Model(vertices, triangles, np.asarray(mesh.vertex_normals), np.ones(count), np.zeros(count, int), pixel_size)
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_a_perspective_view_is_labelled_with_its_cameras_matrix(tmp_path: Path) -> None:
     options = CaptureOptions(frames=300, scale=0.3, sphere_radius=22.0, focal=2.0)
     work = make_context(simulate("hemisphere", tmp_path, options).catalogue, tmp_path / "store")

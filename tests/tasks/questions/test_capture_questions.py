@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.geometry.vectors import unit
@@ -13,6 +14,7 @@ from glint.tasks.stages.markup import load_marks
 from tests.tasks.make_context import make_context, perform_all
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_stored_labels_are_those_of_the_same_marks(simulated: Path, performed: Path, tmp_path: Path) -> None:
     shutil.copytree(performed, tmp_path / "store")
     folder = Path(str(load(simulated).objects[0].captures[0].mask)).parent

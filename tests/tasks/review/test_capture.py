@@ -120,6 +120,7 @@ def test_looking_at_a_capture_that_never_ran_stores_nothing(tmp_path: object, si
     assert not has_object(Location.parse(str(tmp_path)), "hemisphere")
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_questions_are_prepared_and_kept_by_what_they_follow_from(
     context: CaptureContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -58,6 +58,7 @@ def test_cells_are_chosen_by_pattern_and_never_without_their_baseline(simulated:
         matrix_tasks(captures, tmp_path, "store", False, ["cylinder"])
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_a_mirrored_light_is_reported_and_nothing_is_confident(simulated: Path, tmp_path: Path) -> None:
     captures = recorded_captures(load_catalogue(simulated))
     only = ["hemisphere/lights-y-down", "hemisphere/light-at-10-widths"]

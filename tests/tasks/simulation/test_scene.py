@@ -106,6 +106,7 @@ def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
     assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 0.67
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Path) -> None:
     """A highlight of the far side that is annotated as true takes precedence over the labelling."""
     field = np.nan_to_num(scene.false)
@@ -129,6 +130,7 @@ def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Pa
     assert angles(results["true"], results["false"]) > 28.0
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:
     """With three dozen frames little is observed; the surface is whole, and other pixels do not count as observed."""
     few = draw_scene(tmp_path / "few", frames=36)

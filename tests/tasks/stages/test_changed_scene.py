@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.storage.footage.source import open_footage
@@ -11,6 +12,7 @@ from tests.storage.footage.videos import write_video
 from tests.tasks.make_context import make_context, perform_all
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_nothing_is_confident_of_a_capture_whose_object_was_moved(tmp_path: Path) -> None:
     catalogue = simulate("hemisphere", tmp_path / "scene", CaptureOptions(frames=400, scale=0.4)).catalogue
     capture = load(catalogue).objects[0].captures[0]

@@ -13,7 +13,9 @@ from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
 from tests.scene import Scene, draw_scene
 from tests.tasks.make_context import make_context, perform_all
+from tests.tasks.smooth_labels import smooth_labels
 
+pytestmark = pytest.mark.usefixtures("smooth_labels")
 ROOT = Path(__file__).parents[3]
 
 
@@ -26,7 +28,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 def needed(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> int:
     """Kilobytes of a whole store of the scene."""
     folder = tmp_path_factory.mktemp("whole")
-    perform_all(make_context(scene.catalogue, folder / "store"))
+    with smooth_labels():
+        perform_all(make_context(scene.catalogue, folder / "store"))
     return int(subprocess.run(["du", "-sk", folder], capture_output=True, text=True, check=True).stdout.split()[0])
 
 

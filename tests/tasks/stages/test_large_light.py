@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -10,6 +11,7 @@ from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from tests.tasks.make_context import make_context, perform_all
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_broad_highlights_of_a_large_light_show_the_surface(tmp_path: Path) -> None:
     options = CaptureOptions(frames=400, scale=0.3, rays=1, seed=3, sphere_radius=30.0, light_radius=12.0)
     work = make_context(simulate("hemisphere", tmp_path / "capture", options).catalogue, tmp_path / "store")

@@ -59,6 +59,7 @@ def test_the_mask_of_a_video_without_one(simulated: Path, tmp_path: Path, region
     assert bool(doubt.any()) == warned and not doubt[~mask].any()
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_a_given_mask_that_is_too_large_lowers_the_confidence_near_its_contour(
     simulated: Path, performed: Path, tmp_path: Path
 ) -> None:

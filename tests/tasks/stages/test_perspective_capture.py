@@ -16,6 +16,9 @@ from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.camera_doubt import doubt_given_camera
 from glint.tasks.stages.capture_geometry import load_geometry
 from tests.tasks.make_context import make_context, perform_all
+from tests.tasks.smooth_labels import smooth_labels
+
+pytestmark = pytest.mark.usefixtures("smooth_labels")
 
 NAMES = tuple(stage.name for stage in STAGES)
 
@@ -36,7 +39,8 @@ def judged(work: CaptureContext) -> Evaluation:
 def seen(near: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[CaptureContext, list[StageRecord]]:
     """The capture with its matrix, all stages performed; to be read only."""
     work = make_context(near, tmp_path_factory.mktemp("near-store") / "store")
-    return work, perform_all(work)
+    with smooth_labels():
+        return work, perform_all(work)
 
 
 def test_a_near_camera_needs_its_matrix_and_is_told_without(

@@ -50,12 +50,16 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
     assert off["shaken"] < 0.6 * off["raw"]
 
 
+@pytest.fixture(scope="module")
+def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = CaptureOptions(frames=250, scale=0.4, rays=1, sphere_radius=25, shake=2.0, seed=3)
+    return simulate("hemisphere", tmp_path_factory.mktemp("shaken"), options).catalogue
+
+
 @pytest.mark.parametrize("given", [True, False])
-def test_the_sphere_is_where_the_frames_are_moved_to(tmp_path: Path, given: bool) -> None:
-    options = CaptureOptions(frames=400, scale=0.4, rays=1, sphere_radius=25, shake=2.0, seed=3)
-    record = simulate("hemisphere", tmp_path / "shaken", options)
-    sphere = load(record.catalogue).objects[0].captures[0].spheres[0]
-    work = make_context(record.catalogue, tmp_path / "store", **({} if given else {"spheres": ()}))
+def test_the_sphere_is_where_the_frames_are_moved_to(shaken: Path, tmp_path: Path, given: bool) -> None:
+    sphere = load(shaken).objects[0].captures[0].spheres[0]
+    work = make_context(shaken, tmp_path / "store", **({} if given else {"spheres": ()}))
     records = perform_all(work, "survey")
     assert work.load("survey").record["stabilization"]["applied"]
     (found,) = work.load("survey").record["spheres"]

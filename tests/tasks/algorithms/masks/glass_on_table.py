@@ -6,6 +6,7 @@ as it is, but for the line of its outer face, or refracts a table of streaks. A 
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ class GlassScene:
     sphere: tuple[float, float, float]
 
 
+@cache
 def draw_glass(
     frames: int = 200,
     width: int = 270,
@@ -40,7 +42,7 @@ def draw_glass(
     lamp: float | None = None,
     seed: int = 0,
 ) -> GlassScene:
-    """Draw the scene.
+    """Draw the scene, once for each set of options: it can only be read.
 
     inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; cast: depth of the whole
     disc's shadow, which falls away from the light; blur: standard deviation in pixels of the optics' blur; wall: width
@@ -82,7 +84,10 @@ def draw_glass(
             picture = cv2.GaussianBlur(picture, (0, 0), blur)
         pictures.append(picture + generator.normal(0.0, 1.5, picture.shape))
     stack = np.clip(np.rint(pictures), 0, 255).astype(np.uint8)
-    return GlassScene(stack, (cover > 0.5) | ((distance >= inner) & (distance < OUTER + wall)), sphere)
+    mask = (cover > 0.5) | ((distance >= inner) & (distance < OUTER + wall))
+    for array in (stack, mask):
+        array.flags.writeable = False
+    return GlassScene(stack, mask, sphere)
 
 
 def _texture(generator: np.random.Generator, shape: tuple[int, int], sigmas: tuple[float, float]) -> np.ndarray:

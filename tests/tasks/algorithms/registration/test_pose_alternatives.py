@@ -78,15 +78,22 @@ def test_right_matrices_are_taken_as_they_are(around: list[View]) -> None:
     assert not registered.rejected and max(registered.residuals) < 0.1
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_turntable_that_turned_the_other_way_is_recognized(on_table: list[View]) -> None:
+    """Six views are enough in `test_pose_doubts`."""
     described = alternative_poses(on_table, Turntable(3.0, 0.0, 0.0, -ANGLES))
     assert described is not None and "negate all angles" in described
+
+
+@pytest.mark.long
+def test_views_from_four_sides_do_not_tell_that_a_turntable_turned_the_other_way(on_table: list[View]) -> None:
     assert alternative_poses(on_table[::2], Turntable(3.0, 0.0, 0.0, -ANGLES[::2])) is None
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4, 5, 6, 7], [0, 4, 2, 6, 1, 5, 3, 7]])
+@pytest.mark.parametrize(
+    "order", [pytest.param([0, 1, 2, 3, 4, 5, 6, 7], marks=pytest.mark.slow), [0, 4, 2, 6, 1, 5, 3, 7]]
+)
 def test_another_step_of_the_turntable_is_refused_with_the_right_one(on_table: list[View], order: list[int]) -> None:
     with pytest.raises(UnusableCapture, match="contradict") as caught:
         register_on_turntable([on_table[number] for number in order], (ANGLES[order] * 30.0 / 45.0).tolist())
