@@ -21,6 +21,7 @@ def test_reading_what_is_not_declared_fails(simulated: Path, tmp_path: Path, rea
         getattr(inputs, read)(name)
 
 
+@pytest.mark.usefixtures("smooth_labels")
 def test_every_declared_result_is_read(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A result that is declared and never read would compute the stage again in vain."""
     reads: dict[str, set[str]] = {stage.name: set() for stage in STAGES}
