@@ -27,13 +27,14 @@ def inscribed_sections(
     radius, or another one.
     """
     heights, starts, slopes = lines_across_planes(contour, step)
-    # A section inside the contour is smaller than the one through the point at which each ray meets its plane.
-    if section.is_circle:
-        apothems = np.sqrt(_least_squared_distances(heights, starts, slopes))
-    else:
-        apothems = _least_apothems(heights, starts, slopes, section.circumradius, *section.shape)
-    # One that is seen nearly edge-on passes between two points of the contour.
     heights_met, sides_met = contour_crossings(contour, heights, step)
+    # A section inside the contour is smaller than the one through the point at which each ray meets its plane. One that
+    # is seen nearly edge-on passes between two points of the contour.
+    if section.is_circle:
+        squared = _least_squared_distances(heights, starts, slopes)
+        np.minimum.at(squared, heights_met, sides_met**2)
+        return heights, np.sqrt(squared)
+    apothems = _least_apothems(heights, starts, slopes, section.circumradius, *section.shape)
     # Beyond the body's ends rays meet planes far away, so its own width tells how high the image is.
     depth = float(np.abs(sides_met).max(initial=0.0)) * float(np.abs(contour.directions[:, 2]).max())
     if depth < EDGE_ON_PX:
@@ -43,10 +44,9 @@ def inscribed_sections(
     else:
         met = section.apothems(np.column_stack([sides_met, np.zeros(len(sides_met))]))
     np.minimum.at(apothems, heights_met, met)
-    if not section.is_circle:
-        # Beyond both ends they grow again, outside of the contour.
-        parts, _ = ndimage.label(apothems >= MIN_APOTHEM_PX)
-        apothems[(parts != parts[apothems.argmax()]) | (parts == 0)] = 0.0
+    # Beyond both ends they grow again, outside of the contour.
+    parts, _ = ndimage.label(apothems >= MIN_APOTHEM_PX)
+    apothems[(parts != parts[apothems.argmax()]) | (parts == 0)] = 0.0
     return heights, apothems
 
 

@@ -125,9 +125,9 @@ def entry_depths(
         section: of the body.
     """
     depths = np.linspace(reach, -reach, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
-    bounds = min(1.0, section.width) ** 2, section.circumradius**2
+    inner, outer = min(1.0, section.width) ** 2, section.circumradius**2
     return np.asarray(
-        _entry_depths(rays.origins, rays.directions, heights, squared_radii, depths, bounds, section.shape)
+        _entry_depths(rays.origins, rays.directions, heights, squared_radii, depths, inner, outer, section.shape)
     )
 
 
@@ -138,16 +138,17 @@ def _entry_depths(
     heights: np.ndarray,
     squared_radii: np.ndarray,
     depths: np.ndarray,
-    bounds: tuple[float, float],
+    inner: float,
+    outer: float,
     shape: tuple[int, float, float, float],
 ) -> np.ndarray:
     """Return what `entry_depths` does.
 
-    depths: samples of each ray. bounds: squared distances from the axis between which a section of apothem 1 ends.
-    shape: of the section.
+    depths: samples of each ray. inner, outer: squared distances from the axis between which a section of apothem 1
+    ends. shape: of the section.
     """
     result = np.full(len(origins), np.nan)
-    widest = squared_radii.max() * bounds[1]
+    widest = squared_radii.max() * outer
     for ray in range(len(origins)):
         origin = origins[ray, 0], origins[ray, 1], origins[ray, 2]
         direction = directions[ray, 0], directions[ray, 1], directions[ray, 2]
@@ -157,12 +158,12 @@ def _entry_depths(
             continue
         for sample in range(len(depths)):
             inside = depths[sample]
-            if not _is_inside(inside, origin, direction, heights, squared_radii, bounds, shape):
+            if not _is_inside(inside, origin, direction, heights, squared_radii, inner, outer, shape):
                 continue
             outside = depths[max(sample - 1, 0)]
             for _ in range(BISECTION_STEPS):
                 middle = (inside + outside) / 2
-                if _is_inside(middle, origin, direction, heights, squared_radii, bounds, shape):
+                if _is_inside(middle, origin, direction, heights, squared_radii, inner, outer, shape):
                     inside = middle
                 else:
                     outside = middle
@@ -178,7 +179,8 @@ def _is_inside(
     direction: tuple[float, float, float],
     heights: np.ndarray,
     squared_radii: np.ndarray,
-    bounds: tuple[float, float],
+    inner: float,
+    outer: float,
     shape: tuple[int, float, float, float],
 ) -> bool:
     """Return whether a point of a ray is nearer to the axis than the wall, whose squared radii are interpolated."""
@@ -190,9 +192,9 @@ def _is_inside(
     square = squared_radii[below] + (place - below) * (squared_radii[below + 1] - squared_radii[below])
     across, forward = origin[0] + depth * direction[0], origin[1] + depth * direction[1]
     distance = across**2 + forward**2
-    if distance >= bounds[1] * square:
+    if distance >= outer * square:
         return False
-    if distance < bounds[0] * square:
+    if distance < inner * square:
         return True
     sides, turn, rounding, width = shape
     return bool(square > apothem_at(across, forward, sides, turn, rounding, width)[0] ** 2)

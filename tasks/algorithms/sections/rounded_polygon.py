@@ -44,7 +44,7 @@ class RoundedPolygon:
     @property
     def circumradius(self) -> float:
         """Distance of its farthest points from the axis, for an apothem of 1."""
-        return float(np.linalg.norm(self._centres, axis=1).max()) + self.rounding
+        return 1.0 if self.is_circle else float(np.linalg.norm(self._centres, axis=1).max()) + self.rounding
 
     def reach(self, direction: np.ndarray) -> float:
         """Return how far it reaches in a direction (2,), unit, for an apothem of 1."""
@@ -66,6 +66,8 @@ class RoundedPolygon:
         Beside a sharp edge of the body, of polygons that are shifted towards one another, that one ends where it faces
         away most.
         """
+        if self.is_circle:
+            return tilts
         steepest = np.where(tilts >= 0.0, self._steepness(-1.0), self._steepness(1.0))
         return np.asarray(np.arctan(np.tan(tilts) / steepest))
 
@@ -86,7 +88,7 @@ class RoundedPolygon:
 
     def _steepness(self, forward: float) -> float:
         """Return the largest change of the apothem with a point that moves forward (1) or away (-1)."""
-        flat = 0.0 if self.is_circle else float((forward * self.outward[:, 1] / self._distances).max())
+        flat = float((forward * self.outward[:, 1] / self._distances).max())
         return max(flat, 1.0 / self.reach(np.array([0.0, forward])))
 
 
