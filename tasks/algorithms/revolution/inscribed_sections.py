@@ -44,9 +44,9 @@ def inscribed_sections(
     else:
         met = section.apothems(np.column_stack([sides_met, np.zeros(len(sides_met))]))
     np.minimum.at(apothems, heights_met, met)
-    # Beyond both ends they grow again, outside of the contour.
-    parts, _ = ndimage.label(apothems >= MIN_APOTHEM_PX)
-    apothems[(parts != parts[apothems.argmax()]) | (parts == 0)] = 0.0
+    # Beyond both ends they grow again, outside of the contour: the body is the longest part.
+    parts, count = ndimage.label(apothems >= MIN_APOTHEM_PX)
+    apothems[parts != 1 + np.bincount(parts, minlength=count + 2)[1:].argmax()] = 0.0
     return heights, apothems
 
 
