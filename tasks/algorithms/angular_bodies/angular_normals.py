@@ -20,7 +20,7 @@ other objects; and the rounding from which its section may as well be a circle."
 EXACT_FAR_DEG, MIN_EXACT_SHARE = 2.0, 0.45
 """Angle from the far wall's normal within which a candidate is exact, and the share of exact ones among those that
 agree from which an end is open: 0.6 to 0.9 on open vessels. Through the flat top of a solid block the far wall is seen
-as well, but 2.4 degrees or more beside its place: up to 0.25."""
+as well, but mostly 2.4 degrees beside its place: 0.2 to 0.25, and on one of four 0.8."""
 MAX_NECK_SHARE, MIN_NECK_PX = 0.65, 3.0
 """Apothem relative to the largest below which the rest of a body is its neck, and the least length of one."""
 

@@ -25,9 +25,10 @@ MIN_EXPLAINED_RATIO = 0.65
 MIN_ROUNDED_RATIO = 0.2
 """Pixels with a candidate that a rounded prism explains, relative to another surface's: where only its edges show the
 light, 0.3 or more on blocks, and 0.08 at most on cylinders."""
-MAX_DOUBTED_SHARE, MIN_VESSEL_GAIN = 0.45, 1.03
+MAX_DOUBTED_SHARE, MIN_VESSEL_GAIN = 0.45, 1.08
 """Pixels with a candidate that a surface of revolution explains, as a share of all, from which no vessel of another
-section is looked for; and those that such a vessel explains relative to another shape: a block may be either."""
+section is looked for; and those that such a vessel explains relative to another shape: 1.1 or more on vessels, up to
+1.05 on solid blocks, whose far walls may be taken for those of an opening."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
