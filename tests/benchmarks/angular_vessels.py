@@ -18,6 +18,7 @@ from glint.tasks.algorithms.angular_bodies.angular_normals import AngularVesselS
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction
 from glint.tasks.algorithms.simulation.solids import Solid, from_implicit
 from tests.benchmarks.right_prisms import Searches, comparison_parser, print_comparisons
+from tests.tasks.algorithms.prisms.rendered import rounded_box_distance
 
 CELL = 2.0
 """Edge of the cells in which a solid is meshed."""
@@ -37,7 +38,7 @@ class Section:
         radius = max(self.radius - wall, 2.0)
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         beyond = np.abs(points @ np.array([[cosine, -sine], [sine, cosine]])) - np.array(self.half) + wall + radius
-        return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0) - radius
+        return rounded_box_distance(beyond, radius)
 
 
 def smooth_maximum(first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:

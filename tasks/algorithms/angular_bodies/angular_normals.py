@@ -7,7 +7,7 @@ import numpy as np
 
 from glint.tasks.algorithms.angular_bodies.angular_search import FINE_STEP_PX, AngularSearch
 from glint.tasks.algorithms.angular_bodies.body_agreement import SampledCandidates
-from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions
+from glint.tasks.algorithms.geometry.vectors import nearest_angles, pixel_positions
 from glint.tasks.algorithms.revolution.hollowness import hollow_opening
 from glint.tasks.algorithms.revolution.opening import AGREES_DEG, MIN_OBSERVED_NZ, Opening, find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
@@ -68,8 +68,7 @@ def _exact_opening(body: SurfaceOfRevolution, mask: np.ndarray, candidates: np.n
         return None
     normals, _, is_far = opening.entries(*pixel_positions(opening.around))
     is_observed = is_far & (normals[:, 2] > MIN_OBSERVED_NZ)
-    error = angles(candidates[:, opening.around][:, is_observed], normals[is_observed])
-    nearest = np.nan_to_num(error, nan=np.inf).min(axis=0, initial=np.inf)
+    nearest = nearest_angles(candidates[:, opening.around][:, is_observed], normals[is_observed])
     exact, agreeing = (np.count_nonzero(nearest < limit) for limit in (EXACT_FAR_DEG, AGREES_DEG))
     return opening if exact > MIN_EXACT_SHARE * agreeing else None
 

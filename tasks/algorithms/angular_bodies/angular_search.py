@@ -114,12 +114,11 @@ class AngularSearch:
 
     def _tried(self) -> list[Placement]:
         """Return the placements that are tried first, about the best symmetry axes of the silhouette, if it has any."""
-        result = []
-        for axis in reflection_axes(self.mask, MIN_AXIS_IOU)[:MOST_AXES]:
-            place = float(np.arctan2(axis.normal[1], axis.normal[0])), float(axis.point @ axis.normal)
-            for tilt, turn in product(START_TILTS, START_TURNS):
-                result.append(Placement(*place, float(tilt), RoundedPolygon(4, float(turn), START_ROUNDING)))
-        return result
+        axes = reflection_axes(self.mask, MIN_AXIS_IOU)[:MOST_AXES]
+        return [
+            Placement.about(axis, float(tilt), RoundedPolygon(4, float(turn), START_ROUNDING))
+            for axis, tilt, turn in product(axes, START_TILTS, START_TURNS)
+        ]
 
     def _agreement(self, placement: Placement, comparison: _Round) -> float:
         body = self.body(placement, self._length / comparison.samples)
@@ -160,6 +159,8 @@ def _moved(start: Placement, by: np.ndarray) -> Placement | None:
 
 def _is_near(first: Placement, second: Placement) -> bool:
     """Return whether refinement would lead from both starts to the same body."""
-    quarter = np.pi / 2.0
-    turn = (first.polygon.turn - second.polygon.turn + quarter / 2.0) % quarter - quarter / 2.0
-    return first.angle == second.angle and abs(first.tilt - second.tilt) < NEAR_TILT and abs(turn) < NEAR_TURN
+    return (
+        first.angle == second.angle
+        and abs(first.tilt - second.tilt) < NEAR_TILT
+        and first.turn_from(second) < NEAR_TURN
+    )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import angles, positions_at, sampled_pixels
+from glint.tasks.algorithms.geometry.vectors import nearest_angles, positions_at, sampled_pixels
 from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
@@ -50,5 +50,5 @@ class SampledCandidates:
 
     def _worth(self, normals: np.ndarray, candidates: np.ndarray, tolerance_deg: float) -> np.ndarray:
         """Return what candidates (K, N, 3) say for normals (N, 3): (N,), from -1 to 1."""
-        error = np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0)
+        error = nearest_angles(candidates, normals)
         return np.where(self.swept.flashes(normals), 1.0 - 2.0 * np.minimum(error / tolerance_deg, 1.0), 0.0)

@@ -45,7 +45,7 @@ NEAR_ANGLE_DEG, NEAR_TILT_DEG, NEAR_PERIODS = 1.0, 10.0, 0.3
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Axis and cross-section of a faceted body before a camera.
+    """Axis and cross-section of a faceted body or a square vessel before a camera.
 
     angle: of the image of a direction across the axis, radians. offset: distance of the axis' image from the centre of
     the image in that direction, pixels. tilt: of the axis' upper end towards the camera, radians. polygon: the section.
@@ -55,6 +55,12 @@ class Placement:
     offset: float
     tilt: float
     polygon: RoundedPolygon
+
+    @classmethod
+    def about(cls, axis: ReflectionAxis, tilt: float, polygon: RoundedPolygon) -> "Placement":
+        """Return the placement about the axis with that image and tilt, radians."""
+        angle, offset = np.arctan2(axis.normal[1], axis.normal[0]), axis.point @ axis.normal
+        return cls(float(angle), float(offset), tilt, polygon)
 
     @property
     def axis(self) -> ReflectionAxis:
@@ -82,14 +88,17 @@ class Placement:
 
     def is_near(self, other: "Placement") -> bool:
         """Return whether both would lead to the same body when they are refined."""
-        period = 2.0 * np.pi / self.polygon.sides
-        around = (self.polygon.turn - other.polygon.turn + period / 2.0) % period - period / 2.0
         return (
             self.polygon.sides == other.polygon.sides
             and abs(self.angle - other.angle) < np.radians(NEAR_ANGLE_DEG)
             and abs(self.tilt - other.tilt) < np.radians(NEAR_TILT_DEG)
-            and abs(around) < NEAR_PERIODS * period
+            and self.turn_from(other) < NEAR_PERIODS * 2.0 * np.pi / self.polygon.sides
         )
+
+    def turn_from(self, other: "Placement") -> float:
+        """Return the angle about the axis, up to whole sides and in radians, to a section of as many sides."""
+        period = 2.0 * np.pi / self.polygon.sides
+        return abs((self.polygon.turn - other.polygon.turn + period / 2.0) % period - period / 2.0)
 
 
 def placements_of_ends(mask: np.ndarray, inverse_focal: float = 0.0) -> list[Placement]:
@@ -114,13 +123,12 @@ def placements_about_axis(mask: np.ndarray, faces: list[np.ndarray], inverse_foc
     """
     result = []
     for axis in reflection_axes(mask, MIN_TRIED_IOU)[:1]:
-        place = float(np.arctan2(axis.normal[1], axis.normal[0])), float(axis.point @ axis.normal)
         for tilt, (sides, turns) in product(TRIED_TILTS, TRIED_TURNS.items()):
             vectors = AxisFrame.of(axis, float(tilt), inverse_focal).vectors
             shown = [vectors @ normal for normal in faces]
             azimuths = [float(np.arctan2(across, forward)) for across, forward, up in shown if abs(up) < MAX_FACET_RISE]
             azimuths += [2.0 * np.pi * number / (turns * sides) for number in range(turns)]
-            result += [Placement(*place, float(tilt), RoundedPolygon(sides, azimuth)) for azimuth in azimuths]
+            result += [Placement.about(axis, float(tilt), RoundedPolygon(sides, azimuth)) for azimuth in azimuths]
     return result
 
 

@@ -70,6 +70,11 @@ def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.degrees(2.0 * np.arcsin(np.clip(0.5 * lengths(first - second), 0.0, 1.0)))
 
 
+def nearest_angles(candidates: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the degrees (N,) from normals (N, 3) to the nearest of candidates (K, N, 3), 180 without any."""
+    return np.asarray(np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0))
+
+
 def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y (...), pixels, camera frame, of columns and rows (...) of a frame of `width` x `height` pixels.
 

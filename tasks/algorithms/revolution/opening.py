@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions
+from glint.tasks.algorithms.geometry.vectors import nearest_angles, pixel_positions
 from glint.tasks.algorithms.revolution.surface_of_revolution import RayHits, SurfaceOfRevolution
 
 AGREES_DEG, OPEN_END_SHARE = 8.0, 0.3
@@ -157,7 +157,7 @@ def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
 
     A normal that is NaN, or too steep to be observed, expects none.
     """
-    error = np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0)
+    error = nearest_angles(candidates, normals)
     return np.where(normals[:, 2] > MIN_OBSERVED_NZ, np.where(error < AGREES_DEG, 1.0, -1.0), 0.0)
 
 

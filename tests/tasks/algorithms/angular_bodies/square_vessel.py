@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.tasks.algorithms.prisms.rendered import rendered
+from tests.tasks.algorithms.prisms.rendered import rendered, rounded_box_distance
 
 SHAPE = (170, 150)
 INVERSE_FOCAL = 1.0 / 400.0
@@ -64,4 +64,4 @@ class SquareVessel:
         corner = max(self.corner - wall, 2.0)
         half = np.array([self.half_depth, self.half_width]) - wall - corner
         beyond = np.abs(local[:, [0, 2]]) / size[:, None] - half
-        return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0) - corner
+        return rounded_box_distance(beyond, corner)

@@ -33,3 +33,11 @@ def rendered(
     shifts = 1e-3 * np.eye(3)
     slopes = [distance(points + shift) - distance(points - shift) for shift in shifts]
     return unit(np.column_stack(slopes)).reshape(*shape, 3), points[:, 2].reshape(shape)
+
+
+def rounded_box_distance(beyond: np.ndarray, radius: float) -> np.ndarray:
+    """Return the distances (N,) from a rectangle or box that a ball has grown, negative inside.
+
+    beyond: (N, 2) or (N, 3), how far points lie beyond its sides before it has grown. radius: of the ball.
+    """
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0) - radius

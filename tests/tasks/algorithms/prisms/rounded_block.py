@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.tasks.algorithms.prisms.block import Block
-from tests.tasks.algorithms.prisms.rendered import rendered
+from tests.tasks.algorithms.prisms.rendered import rendered, rounded_box_distance
 
 SHAPE = (150, 150)
 INVERSE_FOCAL = 1.0 / 400.0
@@ -48,5 +48,4 @@ class RoundedBlock:
         """Return the distances (N,) of points (N, 3) from the box, negative inside."""
         half = np.array([self.half_width, self.half_height, self.half_width])
         beyond = np.abs(points @ self.rotation) - half + self.radius
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return outside + np.minimum(beyond.max(axis=1), 0.0) - self.radius
+        return rounded_box_distance(beyond, self.radius)
