@@ -8,8 +8,8 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES
-from glint.tasks.algorithms.lighting.sphere_tests import ContradictedSphere, consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.consistent_spheres import ContradictedSphere, consistent_spheres
 from glint.tasks.algorithms.near_light.half_vector_error import USUAL_NZ
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     MIN_CONTRADICTION_DEVIATIONS,

@@ -4,22 +4,19 @@ A chrome sphere shows one highlight of constant area in nearly all frames: the d
 the surroundings evenly, wherever the light is. Small highlights that it mirrors from the glass beside it lie on one
 side of it alone. Glass shows highlights of several surfaces, which grow, merge and divide; coins and clock faces show
 them in few frames. A glossy sphere shows one too, but its body is lit: its levels follow Lambert's law over pixels and
-frames. And all chrome spheres of a capture mirror the same light.
+frames.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import camera_in_crop
-from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.highlights import Highlights, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     TWO_LIGHTS,
     Lights,
     classify_frames,
-    find_lights,
 )
 from glint.tasks.algorithms.lighting.spheres import MIN_OBSERVABLE_NZ, Sphere, crop_around
 
@@ -50,8 +47,6 @@ SHADED_RATIOS = 0.3, 0.9
 """Radii, in radii of the sphere, between which its body is tested for shading."""
 MAX_SHADING_CORRELATION = 0.85
 """Correlation of a body's levels with Lambert's law from which it is shaded: a glossy sphere has 0.91, chrome 0.79."""
-MAX_CONTRADICTION_DEG = 6.0
-"""Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
 CROP_MARGIN_PX = 4
 """Distance beyond the contour of the crop in which a circle is tested."""
 INNER_DISC_RATIO, RING_RATIOS = 0.75, (0.85, 0.97)
@@ -97,7 +92,7 @@ def reason_against_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray
     """
     if len(frames) < MIN_TESTED_FRAMES:
         return None
-    crop, inside, matrix = _crop(frames, sphere, camera)
+    crop, inside, matrix = crop_of_circle(frames, sphere, camera)
     try:
         static = static_background(crop, inside, camera=matrix)
         highlights = measure_highlights(crop, inside, static, camera=matrix)
@@ -168,67 +163,6 @@ def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> flo
     return float((levels * shading).sum() / np.sqrt((levels**2).sum() * (shading**2).sum() + 1e-12))
 
 
-@dataclass(frozen=True, slots=True)
-class ContradictedSphere:
-    """A sphere whose lights contradict those of a reference, in the median by an angle in degrees of half vectors.
-
-    is_outvoted: whether another sphere agrees with the reference.
-    """
-
-    sphere: Sphere
-    reference: Sphere
-    angle_deg: float
-    is_outvoted: bool
-
-    def __str__(self) -> str:
-        """Return the sentence that says so, with the remedy."""
-        sphere, reference = self.sphere, self.reference
-        return (
-            f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {self.angle_deg:.0f} degrees"
-            f" from those of the sphere at ({reference.x:.0f}, {reference.y:.0f}): compare both with the frame, and"
-            " give `spheres` in the catalogue if the wrong one is left out"
-        )
-
-
-def consistent_spheres(
-    frames: np.ndarray, spheres: list[Sphere], camera: np.ndarray | None = None
-) -> tuple[list[Sphere], list[ContradictedSphere]]:
-    """Drop spheres whose lights contradict those of the sphere with which most agree, the better one of two.
-
-    Args:
-        frames: (T, H, W), spread over the capture.
-        spheres: best first, in the frames' pixels.
-        camera: perspective camera's matrix (3, 3).
-
-    Returns:
-        The rest, and those that are dropped.
-    """
-    kept, contradicted = list[Sphere](), list[ContradictedSphere]()
-    if len(spheres) < 2 or len(frames) < MIN_TESTED_FRAMES:
-        return spheres, contradicted
-    crops = [_crop(frames, sphere, camera) for sphere in spheres]
-    measured = [find_lights(crop, inside, camera=matrix).half_vectors for crop, inside, matrix in crops]
-    # The reference is the sphere that the others agree with best; of two, the better one.
-    matrix = np.array([[_median_angle(first, second) for second in measured] for first in measured])
-    agreeing = (matrix < MAX_CONTRADICTION_DEG).sum(axis=1)
-    reference = int(np.argmax(agreeing))
-    # It agrees with itself.
-    is_outvoted = bool(agreeing[reference] > 1)
-    for k, sphere in enumerate(spheres):
-        angle = float(matrix[reference, k])
-        if k == reference or not angle >= MAX_CONTRADICTION_DEG:
-            kept.append(sphere)
-        else:
-            contradicted.append(ContradictedSphere(sphere, spheres[reference], angle, is_outvoted))
-    return kept, contradicted
-
-
-def _median_angle(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the median angle in degrees between half vectors (T, 3); 0 if they share no frame."""
-    shared = np.isfinite(first[:, 0]) & np.isfinite(second[:, 0])
-    return float(np.median(angles(first[shared], second[shared]))) if shared.any() else 0.0
-
-
 def _centred(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Return values (T, P) without the means of pixels and of frames over the kept ones; 0 where not kept."""
     for axis in (0, 1):
@@ -237,7 +171,7 @@ def _centred(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
     return values
 
 
-def _crop(
+def crop_of_circle(
     frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None
 ) -> tuple[np.ndarray, Sphere, np.ndarray | None]:
     """Return the frames, the sphere and the camera's matrix in the pixels of a crop around the sphere."""

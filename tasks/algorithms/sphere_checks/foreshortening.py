@@ -44,11 +44,17 @@ MIN_NOISE = 0.01
 """Lower bound of the noise of second moments, in square pixels."""
 MARGIN_PX = 6
 """Pixels around the circle that are measured."""
+AIMS_PX = (-1 / 3, 0.0, 1 / 3)
+"""Steps right and down, in pixels, by which the virtual cameras that measure a sphere are aimed beside it: bilinear
+interpolation blurs an image by f (1 - f) square pixels along each axis, f being the part of a pixel by which it moves,
+which makes round highlights oblong. Over these nine the blur is the same along all axes, to 0.03 square pixels."""
+AIMED_VARIANCE = 1 / 6
+"""Its mean, in square pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class HighlightShapes:
-    """Shapes of N highlights.
+    """Shapes of the highlights in N frames, NaN where a frame shows none.
 
     x, y: (N,), centres in pixels, y down. moments: (N, 3), covariances xx, xy, yy of their pixels, in square pixels.
     """
@@ -85,25 +91,41 @@ def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarr
     Args:
         frames: (T, H, W) uint8, spread over the capture.
         sphere: a circle near that of the sphere, in the frames' pixels; up to a fifth of the radius beside it will do.
-        camera: perspective camera's matrix (3, 3); the highlights are then measured by a virtual camera aimed at the
+        camera: perspective camera's matrix (3, 3); the highlights are then measured by virtual cameras aimed at the
             sphere.
     """
     if len(frames) < MIN_SHAPES:
         return None
-    if camera is not None:
-        virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
-        warped = np.stack([virtual.warp(frame) for frame in frames]).clip(0.0, 255.0).round().astype(np.uint8)
-        middle = Sphere(virtual.centre, virtual.centre, sphere.radius)
-        centre = circle_of_highlights(warped, middle)
-        if centre is None:
-            return None
-        x, y, _ = virtual.project_back(centre.x, centre.y, sphere.radius)
-        return replace(centre, x=x, y=y)
     try:
-        shapes = highlight_shapes(frames, sphere)
+        if camera is None:
+            return circle_of_shapes(highlight_shapes(frames, sphere), sphere)
+        shapes = _aimed_shapes(frames, sphere, camera)
     except UnusableCapture:
         return None
-    return circle_of_shapes(shapes, sphere)
+    centre = circle_of_shapes(shapes, replace(sphere, x=0.0, y=0.0))
+    if centre is None:
+        return None
+    virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
+    x, y, _ = virtual.project_back(virtual.centre + centre.x, virtual.centre + centre.y, sphere.radius)
+    return replace(centre, x=x, y=y)
+
+
+def _aimed_shapes(frames: np.ndarray, sphere: Sphere, camera: np.ndarray) -> HighlightShapes:
+    """Measure the shapes of the highlights on a sphere by virtual cameras aimed at it; relative to the circle's centre.
+
+    For arguments and errors see `circle_of_highlights` and `highlight_shapes`.
+    """
+    aimed = []
+    for right in AIMS_PX:
+        for down in AIMS_PX:
+            virtual = VirtualCamera.aimed_at(sphere.x + right, sphere.y + down, sphere.radius, camera)
+            warped = np.stack([virtual.warp(frame) for frame in frames]).clip(0.0, 255.0).round().astype(np.uint8)
+            shapes = highlight_shapes(warped, Sphere(virtual.centre, virtual.centre, sphere.radius))
+            place = shapes.x - virtual.centre + right, shapes.y - virtual.centre + down
+            aimed.append(np.column_stack([*place, shapes.moments]))
+    # A frame that only some of them accept is doubtful.
+    x, y, *moments = np.mean(aimed, axis=0).T
+    return HighlightShapes(x, y, np.stack(moments, axis=1) - AIMED_VARIANCE * np.array([1.0, 0.0, 1.0]))
 
 
 def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | None:
@@ -222,6 +244,6 @@ def highlight_shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
     lights = classify_frames([highlights], static, inside)
     used = lights.accepted & (highlights.occluded_fraction[:, 0] < MAX_OCCLUDED_SHARE)
     # Half vectors are the normals that the circle has at the highlights' centres.
-    normals = lights.half_vectors[used].astype(float)
+    normals = np.where(used[:, None], lights.half_vectors.astype(float), np.nan)
     x, y = sphere.x + sphere.radius * normals[:, 0], sphere.y - sphere.radius * normals[:, 1]
-    return HighlightShapes(x, y, highlights.spread[used, 0].astype(float))
+    return HighlightShapes(x, y, np.where(used[:, None], highlights.spread[:, 0].astype(float), np.nan))
