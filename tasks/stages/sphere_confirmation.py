@@ -11,14 +11,7 @@ from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, F
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.consistent_spheres import ContradictedSphere, consistent_spheres
 from glint.tasks.algorithms.near_light.half_vector_error import USUAL_NZ
-from glint.tasks.algorithms.sphere_checks.circle_check import (
-    MIN_CONTRADICTION_DEVIATIONS,
-    CheckedCircle,
-    beside_highlights,
-    check_circle,
-    contradicts,
-    radius_lacking,
-)
+from glint.tasks.algorithms.sphere_checks.circle_check import CheckedCircle, check_circle
 from glint.tasks.algorithms.sphere_checks.given_circle import (
     HAND_REACH_RATIO,
     UNKNOWN_DEVIATION_RATIO,
@@ -30,6 +23,12 @@ from glint.tasks.algorithms.sphere_checks.given_circle import (
     judged,
 )
 from glint.tasks.algorithms.sphere_checks.mirrored_rim import settled_rim, with_mirrored_rim
+from glint.tasks.algorithms.sphere_checks.rival_circle import radius_lacking
+from glint.tasks.algorithms.sphere_checks.shape_agreement import (
+    MIN_CONTRADICTION_DEVIATIONS,
+    beside_highlights,
+    contradicts,
+)
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.sphere_doubts import DISAGREEMENT_DEVIATIONS
 

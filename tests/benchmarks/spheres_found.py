@@ -24,8 +24,9 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.pyramid import spread
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.sphere_checks.circle_check import SYSTEMATIC_RATIO, CheckedCircle, check_circle
+from glint.tasks.algorithms.sphere_checks.circle_check import CheckedCircle, check_circle
 from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
+from glint.tasks.algorithms.sphere_checks.shape_agreement import SYSTEMATIC_RATIO
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.first_pass import Sample

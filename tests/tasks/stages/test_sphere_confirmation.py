@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
 from glint.tasks.algorithms.sphere_checks.foreshortening import circle_of_highlights
 from glint.tasks.algorithms.sphere_checks.given_circle import ConfirmedSphere
+from glint.tasks.algorithms.sphere_checks.rival_circle import radius_lacking
 from glint.tasks.stages import sphere_confirmation
 from glint.tasks.stages.sphere_confirmation import confirm_given
 from tests.tasks.algorithms.lighting.chrome_table import Scene, assert_near, render

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.sphere_checks.circle_check import check_circle, contradicts, radius_lacking
+from glint.tasks.algorithms.sphere_checks.circle_check import check_circle
 from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
+from glint.tasks.algorithms.sphere_checks.rival_circle import radius_lacking
+from glint.tasks.algorithms.sphere_checks.shape_agreement import contradicts
 from glint.tasks.stages.sphere_confirmation import confirm_found
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
@@ -77,17 +79,35 @@ def test_a_contradiction_is_told_with_values_and_remedy(frames: np.ndarray) -> N
     assert confirm_found(frames, [TRUTH], None)[1] == []
 
 
-@pytest.mark.parametrize("centre_sd", [0.2, 2.5])
-def test_of_two_spheres_that_disagree_the_one_stays_that_agrees_with_its_highlights(
-    frames: np.ndarray, centre_sd: float
-) -> None:
+def test_of_two_spheres_that_disagree_the_one_stays_that_agrees_with_its_highlights(frames: np.ndarray) -> None:
     width = frames.shape[2]
-    wrong, right = replace(beside(6.0, 0.0, 0.95), score=0.9, centre_sd=centre_sd), beside(width, 0.0, 1.0)
-    assert check_circle(frames, wrong).is_contradicted == (centre_sd < 1.0)
+    wrong, right = replace(beside(6.0, 0.0, 0.95), score=0.9), beside(width, 0.0, 1.0)
     both = np.concatenate([covered_beyond(frames, 0.65), frames], axis=2)
     used, (warning,) = confirm_found(both, [wrong, right], None)
-    assert used == [right], "as certain as before: the highlights refute the other, or its fit explains the difference"
+    assert used == [right], "as certain as before: the highlights refute the other"
     assert f"({wrong.x:.0f}, {wrong.y:.0f}) is left out" in str(warning) and "give `spheres`" in str(warning)
+
+
+def test_a_vague_circle_is_drawn_to_the_centre_of_its_highlights(frames: np.ndarray) -> None:
+    hidden = covered_beyond(frames, 0.65)
+    vague = replace(beside(6.0, 0.0, 0.95), centre_sd=2.5)
+    check = check_circle(hidden, vague)
+    assert not check.is_contradicted and not check.is_replaced
+    assert check.sphere.distance(TRUTH) < 0.04 * TRUTH.radius
+    assert check.sphere.distance(TRUTH) < 3.0 * check.sphere.centre_sd < 3.0 * vague.centre_sd
+    assert check.sphere.radius == vague.radius
+    both = np.concatenate([hidden, frames], axis=2)
+    used, warnings = confirm_found(both, [vague, beside(frames.shape[2], 0.0, 1.0)], None)
+    assert len(used) == 2 and warnings == []
+
+
+def test_a_clearer_circle_takes_the_place_of_one_that_is_not_quite_contradicted(frames: np.ndarray) -> None:
+    beside_it = replace(beside(2.6, 0.0, 0.9), centre_sd=1.2)
+    check = check_circle(frames, beside_it)
+    assert not check.is_contradicted and check.is_replaced
+    assert check.sphere.distance(TRUTH) < 0.02 * TRUTH.radius
+    assert abs(check.sphere.radius - TRUTH.radius) < 0.03 * TRUTH.radius
+    assert confirm_found(frames, [beside_it], None)[1] == []
 
 
 def test_of_two_spheres_that_contradict_each_other_the_one_that_stays_is_as_uncertain_as_they_differ(
