@@ -101,13 +101,23 @@ def error_classes() -> set[str]:
     return errors - {"Exception"}
 
 
-def messages(tree: ast.Module, errors: set[str]) -> Iterator[str]:
-    """Yield the string literals that are passed to error classes."""
+def messages(tree: ast.Module, classes: set[str]) -> Iterator[str]:
+    """Yield the string literals that are passed to these classes, and those of the variables that are."""
+    names: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] in errors:
+        if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] in classes:
             for argument in (*node.args, *(keyword.value for keyword in node.keywords)):
-                literals = (part.value for part in ast.walk(argument) if isinstance(part, ast.Constant))
-                yield " .. ".join(text for text in literals if isinstance(text, str))
+                yield literals(argument)
+                names |= {part.id for part in ast.walk(argument) if isinstance(part, ast.Name)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and names & {ast.unparse(target) for target in node.targets}:
+            yield literals(node.value)
+
+
+def literals(expression: ast.expr) -> str:
+    """Return the string literals of an expression, joined."""
+    values = (part.value for part in ast.walk(expression) if isinstance(part, ast.Constant))
+    return " .. ".join(text for text in values if isinstance(text, str))
 
 
 def identifiers(tree: ast.Module) -> Iterator[tuple[int, str]]:
@@ -174,8 +184,8 @@ def test_readme_uses_the_vocabulary() -> None:
 
 
 @READ
-def test_error_messages_use_the_vocabulary(path: Path) -> None:
-    assert [word for text in messages(parsed(path), ERRORS) for word in banned_words(text)] == []
+def test_errors_and_warnings_use_the_vocabulary(path: Path) -> None:
+    assert [word for text in messages(parsed(path), ERRORS | {"StageWarning"}) for word in banned_words(text)] == []
 
 
 @READ
@@ -210,6 +220,8 @@ def test_the_rules_find_what_they_should() -> None:
     tree = ast.parse(code)
     assert {name for _, name in identifiers(tree)} & BANNED_IDENTIFIERS == {"each", "there", "told", "found"}
     assert list(messages(tree, {"StoreError"})) == ["a ", "mend it"]
+    warning = ast.parse("text = f'Film {x}'\nother = 'lamp'\nraise StageWarning(text)")
+    assert list(messages(warning, {"StageWarning"})) == ["", "Film "]
     assert {"GlintError", "StoreError", "UnusableCapture", "ServerError"} <= ERRORS
     assert dict(constants(ast.parse("A, B = 1, 2\nC: int = 3"))).keys() == {"A", "B", "C"}
     assert {"flows/cli/main.py", "storage/errors.py"} <= set(NAMES) and len(BENCHMARKS) > 30

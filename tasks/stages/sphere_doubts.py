@@ -120,8 +120,8 @@ def _size_doubt(spheres: Sequence[Sphere], is_given: bool) -> StageWarning | Non
     if smallest >= MIN_RADIUS_PX:
         return None
     message = (
-        f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
-        " edge inside it: use a sphere of at least 40 pixels across"
+        f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to distinguish its contour from"
+        " an edge inside it: use a sphere of at least 40 pixels across"
         + ("" if is_given else ", or give `spheres` in the catalogue")
     )
     return StageWarning(message, "sphere", SMALL_SPHERE_DEG)

@@ -88,7 +88,7 @@ def combined_distance(
         error = light_distance_error(pixels, spheres, abs(measured.change))
         message = (
             "the wall of the body of revolution contradicts what the background shows of the light's distance: the body"
-            " may be oval, or the camera near and its matrix missing. Film two spheres, one on either side, or give the"
+            " may be oval, or the camera near and its matrix missing. Use two spheres, one on either side, or give the"
             " distance in millimetres, `parameters: {lights: {distance: ..}}`"
         )
         warning = StageWarning(message, "light", float(np.degrees(np.sqrt(2.0) * np.median(error))))

@@ -48,7 +48,7 @@ class Alternation:
     faces: flat faces of the field, if any.
     relief_fit: of the expected surface of revolution, 0 without relief.
     body_depth: (H, W), depth of the body that has the expected field, if there is one.
-    body_fit: how well a surface of revolution that has it explains the candidates; None for any other field.
+    body_fit: how well a surface of revolution or square vessel that has it explains candidates; None for any other.
     solid: the prism or faceted body that has the expected field, if it is one.
     seen_through: (K, H, W) bool, candidates that are seen through the faces of the solid.
     unreached: (H, W, 3), normals of dark pixels, NaN elsewhere.
@@ -129,7 +129,7 @@ class Alternation:
     def constraints(self, known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the field's targets (H, W, 3) and weights (H, W): `values` at `known` pixels, elsewhere the contour.
 
-        An expected field takes the place of the contour. That of a surface of revolution also counts beside what was
+        An expected field takes the place of the contour. That of a body with a `body_fit` also counts beside what was
         observed, the more the better it explains the candidates: a false sheet must not bend the field that judges it.
         """
         weights, fit = self.options.field, self.body_fit
@@ -208,7 +208,7 @@ class Alternation:
 
     @property
     def _field_error(self) -> FieldError:
-        """Error model of the field: about a surface of revolution, candidates scatter less than about a smooth one."""
+        """Error model of the field: about a body with a `body_fit`, candidates scatter less than about a smooth one."""
         error = self.options.field_error
         return error if self.body_fit is None else replace(error, floor=self.body_fit.scatter_deg)
 
@@ -223,7 +223,7 @@ class Alternation:
     def expect(self, normals: np.ndarray, depth: np.ndarray | None, fit: BodyFit | None = None) -> None:
         """Make normals (H, W, 3) the expected field.
 
-        depth: (H, W), of the body that has them; fit: of a surface of revolution without a relief.
+        depth: (H, W), of the body that has them; fit: of a surface of revolution without a relief, or a square vessel.
         """
         self.expected, self.body_depth, self.body_fit = normals, depth, fit
         self.smooth = self.solve_field(self.known, self.values)

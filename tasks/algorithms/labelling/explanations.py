@@ -1,7 +1,8 @@
-"""Explanations of settled labels: a surface of revolution, a solid of flat faces, single faces; sheets readmitted.
+"""Explanations of settled labels: a surface of revolution, a square vessel, a solid of flat faces, single faces.
 
-Each explanation that is adopted changes the expected field or the evidence, and the alternation goes on from there.
-The functions `_with_..` change the state that they are given; only the one that they return is to be used afterwards.
+Each explanation that is adopted changes the expected field or the evidence, and the alternation goes on from there; so
+does each readmission of rejected sheets. The functions `_with_..` change the state that they are given; only the one
+that they return is to be used afterwards.
 """
 
 from copy import copy
@@ -77,7 +78,7 @@ def _with_surface(state: Alternation) -> Alternation:
 
 
 def _with_faces(state: Alternation) -> Alternation:
-    """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
+    """Return the state with a square vessel, right prism or faceted body, else with flat faces, if there are any."""
     view, start, solids = state.view, copy(state), likely_solids(state)
     vessel = likely_vessel(solids, state)
     if vessel is not None:

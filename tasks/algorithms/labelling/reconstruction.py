@@ -6,12 +6,13 @@ the image smoothly to half vectors, so true and false candidates form different 
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
-else, if candidates prove a right prism or a faceted body, that one does (`prisms`, `facets`); else flat faces that
-candidates prove count as true (`faces.proven_faces`), those that accepted normals show become part of the field, and
-the iterations continue likewise (`faces.flat_faces`). Then rejected sheets that may well be the surface are readmitted
-(`readmission`) and the iterations continue from them, unless the expected field is given; what follows is kept if the
-labels are more likely than before (`explanations`). Where there is no expected field, it is bent away from the lights
-where nothing flashed (`unreached`), and cut along contours inside the silhouette (`contour_field`).
+else, if candidates prove a square vessel, a right prism or a faceted body, that one does (`angular_bodies`, `prisms`,
+`facets`); else flat faces that candidates prove count as true (`faces.proven_faces`), those that accepted normals show
+become part of the field, and the iterations continue likewise (`faces.flat_faces`). Then rejected sheets that may well
+be the surface are readmitted (`readmission`) and the iterations continue from them, unless the expected field is given;
+what follows is kept if the labels are more likely than before (`explanations`). Without an expected field, the smooth
+one is bent away from the lights where nothing flashed (`unreached`), and cut along contours inside the silhouette
+(`contour_field`).
 """
 
 from copy import copy

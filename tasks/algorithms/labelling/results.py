@@ -46,8 +46,8 @@ class Reconstruction:
     confidence: (H, W) float32, probability that the angular error is below 5 degrees, NaN outside the mask.
     iterations: what each iteration did, in order.
     body_depth: (H, W) float32, height in pixels towards the camera up to a constant, of the surface of revolution, the
-        prism or the faceted body where the normals follow it, NaN elsewhere; None where there is no such body. Under
-        perspective a height is the negative logarithm of the distance times the focal length.
+        square vessel, the prism or the faceted body where the normals follow it, NaN elsewhere; None where there is no
+        such body. Under perspective a height is the negative logarithm of the distance times the focal length.
     wall: of that surface of revolution, if it has no relief; None without.
     """
 

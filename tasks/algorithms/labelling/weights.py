@@ -79,7 +79,7 @@ class LabellingOptions:
     """What a reconstruction weighs, which hypotheses it may adopt, and when it ends.
 
     graph_cut, field, field_error: its weights. symmetry: whether a surface of revolution may be detected and become the
-    expected field; flat_faces: whether a right prism, a faceted body or flat faces may be, where there is none;
+    expected field; flat_faces: whether a square vessel, a right prism, a faceted body or flat faces may be detected;
     readmission: whether rejected sheets may be readmitted. inner_contours: whether the field may be cut along contours
     inside the silhouette. min_confidence: accepted normals of lower confidence do not enter the field. max_iterations:
     limit each time that labels settle: at first, and again after whatever is detected, readmitted or marked.

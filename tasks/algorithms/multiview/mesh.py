@@ -48,7 +48,9 @@ def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def largest_component(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the connected component of the largest area, without degenerate triangles: vertices, triangles.
+    """Return the vertices (V, 3) and triangles (T, 3) of the connected component of the largest area.
+
+    Triangles that name a vertex twice are left out.
 
     Raises:
         UnusableCapture: no triangle is left.

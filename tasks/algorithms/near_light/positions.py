@@ -1,7 +1,7 @@
 """Near light: its position in every frame, and half vectors of the object's pixels corrected for it.
 
-Yeung et al. 2009 assume a distant light (section 3). A near one is seen in different directions from sphere and
-object. Its position relative to a reference point (the middle of the object's region) is kept as a direction and an
+Yeung et al. 2009 assume a distant light (Figure 2, section 5). A near one is seen in different directions from sphere
+and object. Its position relative to a reference point (the middle of the object's region) is kept as a direction and an
 inverse distance, which is zero for a distant light. Both are in pixels of the object: the object and the spheres are
 taken to be equally far from the camera.
 """

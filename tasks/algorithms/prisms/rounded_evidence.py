@@ -1,4 +1,4 @@
-"""How much candidates speak for a right prism: whole faces that flashed, and the highlights of rounded edges.
+"""How much candidates speak for a right prism with rounded edges: whole faces that flashed, and highlights of edges.
 
 Across a rounded edge the normal turns from that of one face to that of the other, and so the edges show the light where
 neither face does. Light that crosses the glass shows such normals too, but anywhere: what counts is how many more of

@@ -72,7 +72,7 @@ class SilhouetteRays:
     ) -> np.ndarray:
         """Return the derivatives (V * R, U) of the robust residuals by U unknowns at which the rays were traced.
 
-        views_at(unknowns): the views that follow from them; pixel_sizes: as above.
+        views_at(unknowns): the views that follow from them; pixel_sizes: as of `distances`.
         """
         slope = robust_residuals(self.distance)[1]
         columns = []

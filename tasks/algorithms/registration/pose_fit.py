@@ -77,7 +77,7 @@ class PoseFitter:
         self.outward = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
 
     def evaluate(self, rotation: np.ndarray, translation: np.ndarray) -> PoseFit:
-        """Measure the fit at a pose, world to camera."""
+        """Measure the fit at a pose, rotation (3, 3) and translation (3,), world to camera."""
         posed = self.view.with_pose(rotation, translation)
         outer, inner, normal_errors = self._residuals(posed, *self._comparable(posed))
         enough = len(normal_errors) >= MIN_FIT_VERTICES

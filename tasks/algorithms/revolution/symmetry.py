@@ -45,7 +45,7 @@ class FitLimits(NamedTuple):
 
         Args:
             accepted: (H, W, 3), NaN where there is none.
-            field: (H, W, 3), the silhouette's smooth normal field; None: not compared.
+            field: (H, W, 3), the initial normals; None: not compared.
         """
         is_accepted = np.isfinite(accepted[..., 0])
         normals = accepted[is_accepted]
@@ -125,7 +125,7 @@ def surface_of_revolution_normals(
         accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
         candidates: (K, H, W, 3), NaN where there is none; they show a relief, the slopes of the profile, and whether an
             end is an opening.
-        field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
+        field: (H, W, 3), the initial normals, which the surface must fit much better than.
         limits: how well the surface must fit.
     """
     mask = silhouette.mask

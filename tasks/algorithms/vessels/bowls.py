@@ -106,8 +106,8 @@ def bowl_rims(silhouette: SilhouetteSymmetry) -> list[Rim]:
 def accepted_bowl(rims: Sequence[Rim], accepted: np.ndarray, field: np.ndarray) -> RotationalNormals | None:
     """Return the normals of the bowl whose inside accepted normals show, None if they show none.
 
-    rims: of `bowl_rims`. accepted: (H, W, 3), NaN where there is none. field: (H, W, 3), the silhouette's smooth normal
-    field, which the bowl must fit much better than.
+    rims: of `bowl_rims`. accepted: (H, W, 3), NaN where there is none. field: (H, W, 3), the initial normals,
+    which the bowl must fit much better than.
     """
     bowl = find_bowl(rims, accepted[None])
     if bowl is None or bowl.error_deg > SYMMETRIC_LIMITS.largest_error(accepted, field):
