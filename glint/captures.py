@@ -182,9 +182,13 @@ class StoredCapture:
         cloud = point_cloud_of(self.camera, self.depth, self.normals, self.confidence, min_confidence)
         if not len(cloud):
             highest = float(np.nanmax(self.confidence, initial=0.0))
+            # As many digits as show that it is below.
+            shown = next(
+                (text for text in (f"{highest:.{n}f}" for n in range(2, 9)) if float(text) < min_confidence), "0"
+            )
             name = f"{self._repository.object_id}/{self.id}"
             warnings.warn(
-                f"no pixel of {name} has a confidence of {min_confidence:g}; the highest is {highest:.2f}: "
+                f"no pixel of {name} has a confidence of {min_confidence:g}; the highest is {shown}: "
                 f"pass a lower min_confidence",
                 stacklevel=2,
             )

@@ -11,6 +11,7 @@ import numpy as np
 from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
+from glint.storage.inputs.markup import read_markup
 from glint.storage.inputs.preflight import check_inputs
 from glint.tasks.agreement import agreement_warnings
 from glint.tasks.algorithms.errors import UnusableCapture
@@ -80,11 +81,20 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         for declared in stages_until(LAST_STAGE):
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
+        _check_marks(context)
     except (InputError, UnusableCapture) as error:
         warnings = [warning for record in records for warning in record.warnings]
         judged = failure_verdict(stage, error, warnings, _given_spheres(context))
         return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
     return _measured(context, records, out, progress)
+
+
+def _check_marks(context: CaptureContext) -> None:
+    """Raise an InputError if a mark does not lie on the object, or in a frame that there is."""
+    address = context.file("markup")
+    if address is not None:
+        cache, region = open_frames(context), load_geometry(context).region
+        read_markup(address, cache.frame_size, cache.frames, region, context.load("mask").read("mask"))
 
 
 def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:

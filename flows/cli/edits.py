@@ -49,8 +49,8 @@ def edits(
     if takes:
         _warn_of_unknown_object(location, object_id)
     opened = Edits.open(location, object_id, create=takes)
-    if takes and capture:
-        _warn_of_unknown_capture(opened, capture)
+    if capture:
+        _warn_of_unknown_capture(opened, capture, takes)
     saved = list["Revision | None"]()
     if take is not None:
         saved += take_files(opened, take, _name(author), capture or None, partial(_check_fit, opened))
@@ -83,14 +83,15 @@ def _warn_of_unknown_object(location: "Location", object_id: str) -> None:
         echo(f"{location.uri} has no object {object_id!r} yet: it is created\n{remedy}", colour="yellow", err=True)
 
 
-def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:
+def _warn_of_unknown_capture(opened: "Edits", capture: str, takes: bool) -> None:
     """Point out, on standard error, a capture that no run and no edit has named so far: it may be misspelt."""
     from glint.storage.versions.repository import ObjectRepository
 
     known = {*ObjectRepository.open(opened.location, opened.object_id).captures(), *opened.captures()}
     if known and capture not in known:
         message = f"{opened.object_id} has no results of a capture {capture!r} (it has {', '.join(sorted(known))})"
-        echo(f"{message}\n  -> `--discard` takes the edit back if the name is wrong", colour="yellow", err=True)
+        remedy = "`--discard` takes the edit back if the name is wrong" if takes else "check the name"
+        echo(f"{message}\n  -> {remedy}", colour="yellow", err=True)
 
 
 def _check_fit(opened: "Edits", capture: str, changes: "Changes") -> None:

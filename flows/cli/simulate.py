@@ -161,7 +161,9 @@ def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "Captu
         # What CaptureOptions refuses itself names the option already.
         place = "".join(f"{name}={detail['input']}: " for name in detail["loc"][:1])
         reason = place + detail["msg"].removeprefix("Value error, ")
-        raise SimulationError(reason, "see `glint simulate --help`") from None
+        raise SimulationError(
+            reason, "see `glint simulate --help`, and docs/evaluation/simulation.md for --set"
+        ) from None
 
 
 def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink", name: str = "") -> None:

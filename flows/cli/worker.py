@@ -1,6 +1,7 @@
 """`glint worker`, `glint inbox`, `glint prefect`: serve, start and steer what `glint deploy` has put on the server."""
 
 import sys
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -17,12 +18,15 @@ MAX_SCANS = 10
 
 def worker(pool: Annotated[str, typer.Option(help="Name of the work pool to serve.")] = "glint") -> None:
     """Run scheduled work: start a worker for the pool of `glint deploy`, and the server if none is running."""
-    from glint.flows.deployments.worker import run_worker
+    from glint.flows.deployments.worker import has_pool, run_worker
     from glint.flows.runtime.prefect_server import ensure_server
 
     server = ensure_server()
     echo(f"dashboard {server.link()}")
     with server.connected():
+        if not has_pool(pool):
+            remedy = f"  -> check the name, or run `glint deploy --pool {quote(pool)}`"
+            echo(f"nothing is deployed to a work pool {pool!r}\n{remedy}", colour="yellow", err=True)
         sys.exit(run_worker(server, pool))
 
 
@@ -35,18 +39,18 @@ def inbox(
 
     server = ensure_server()
     from glint.flows.cli.tables import show, table_of
-    from glint.flows.deployments.inbox_runs import inbox_runs, is_served, start_inbox_run
+    from glint.flows.deployments.inbox_runs import inbox_runs, start_inbox_run, unserved_pool
 
     with server.connected():
         started = start_inbox_run(INBOX) if now else None
         rows = inbox_runs(INBOX, MAX_SCANS)
-        served = is_served(INBOX)
+        pool = unserved_pool(INBOX)
     if as_json:
         print_lines({"kind": "scan", **row} for row in rows)
         return
     show(table_of(rows, "no scan yet: glint inbox --now"))
-    if not served:
-        echo("no worker serves the inbox: glint worker", colour="yellow")
+    if pool is not None:
+        echo(f"no worker serves the inbox: glint worker --pool {quote(pool)}", colour="yellow")
     echo(f"dashboard: {server.link(f'runs/flow-run/{started}' if started else 'deployments')}")
 
 

@@ -44,15 +44,16 @@ def inbox_runs(name: str, limit: int) -> list[dict[str, Any]]:
     ]
 
 
-def is_served(name: str) -> bool:
-    """Return whether a worker serves the work pool of a deployment.
+def unserved_pool(name: str) -> str | None:
+    """Return the work pool of a deployment if no worker serves it, None if one does.
 
     Raises:
         ServerError: the server has no such deployment.
     """
     with get_client(sync_client=True) as client:
         pool = _deployment(client, name).work_pool_name
-        return pool is not None and client.read_work_pool(pool).status is WorkPoolStatus.READY
+        served = pool is None or client.read_work_pool(pool).status is WorkPoolStatus.READY
+        return None if served else pool
 
 
 def _time(moment: datetime | None) -> str:

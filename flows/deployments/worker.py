@@ -23,6 +23,19 @@ def run_prefect(arguments: Sequence[str]) -> int:
         return child.wait()
 
 
+def has_pool(pool: str) -> bool:
+    """Return whether the server has a work pool: Prefect makes one of any name when a worker asks for it."""
+    from prefect.client.orchestration import get_client
+    from prefect.exceptions import ObjectNotFound
+
+    with get_client(sync_client=True) as client:
+        try:
+            client.read_work_pool(pool)
+        except ObjectNotFound:
+            return False
+        return True
+
+
 def run_worker(server: Server, pool: str) -> int:
     """Serve a work pool until the worker ends, and return its exit status.
 

@@ -25,10 +25,11 @@ def check_given(api_url: str) -> None:
     except ValueError as unusable:
         error = unusable
     if error is not None:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        # What httpx adds after the dash is the answer's body and a page that explains status codes.
+        reason = str(error).splitlines()[0].partition(" - ")[0] if str(error) else type(error).__name__
         raise ServerError(
             f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
-            "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
+            "start it, correct the address (http://HOST:PORT/api), or unset PREFECT_API_URL to use Glint's own",
         )
 
 

@@ -1,5 +1,6 @@
 """Errors in a file that a person wrote: line by line, reported all at once."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +9,8 @@ from glint.storage.errors import InputError
 
 _MAX_LISTED = 20
 """Errors of one file that are listed in full."""
+_MAX_ALIKE = 5
+"""Errors of one file with the same remedy that are listed: a column too many is in every row."""
 _MAX_REPR = 60
 """Characters of a value in a message."""
 
@@ -27,12 +30,16 @@ class Diagnostic:
 
 
 def raise_diagnostics(diagnostics: Sequence[Diagnostic]) -> None:
-    """Raise one InputError for all diagnostics, if there are any."""
+    """Raise one InputError for all diagnostics of a file, if there are any."""
     if diagnostics:
-        listed = diagnostics[:_MAX_LISTED]
+        listed, alike = list[Diagnostic](), Counter[str]()
+        for diagnostic in diagnostics:
+            alike[diagnostic.remedy] += 1
+            if alike[diagnostic.remedy] <= _MAX_ALIKE and len(listed) < _MAX_LISTED:
+                listed.append(diagnostic)
         messages = [f"{diagnostic.file}:{diagnostic.line}: {diagnostic.message}" for diagnostic in listed]
-        if len(diagnostics) > _MAX_LISTED:
-            messages.append(f"and {len(diagnostics) - _MAX_LISTED} more")
+        if len(diagnostics) > len(listed):
+            messages.append(f"and {len(diagnostics) - len(listed)} more")
         remedies = dict.fromkeys(diagnostic.remedy for diagnostic in listed)
         raise InputError("; ".join(messages), "; ".join(remedies))
 

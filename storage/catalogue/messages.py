@@ -41,6 +41,7 @@ _REMEDIES = {
     "less_than_equal": "check the number and its unit",
     "same_sphere": "remove one",
     "literal_error": "write one of them",
+    "found_or_height": "write `found`, or the plane's height y in the model's unit",
     "schema": "write `schema: 1`",
 }
 """Remedies by pydantic's name of the error."""
@@ -97,6 +98,7 @@ def _diagnostic(
         known = _known_keys(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         keys = f"known keys are {', '.join(known)}" if len(known) > 1 else f"the only key is {''.join(known)}"
+        keys = keys if known else "no keys are known here: remove it"
         remedy = f"did you mean {near[0]!r}?" if near else keys
         if location[-2:-1] == ("camera",) and _DISTORTION.search(str(location[-1])):
             remedy = _DISTORTION_REMEDY

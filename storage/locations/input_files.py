@@ -57,7 +57,9 @@ def expand(location: Location, suffixes: Collection[str]) -> list[Location] | No
         return None
     if not files:
         remedy = f"the folder or pattern must contain files that end in {', '.join(sorted(suffixes))}"
-        raise InputError(f"no images at {location.uri}{_other_files(location)}", f"{remedy}; convert others")
+        raise InputError(
+            f"no images at {location.uri}{_other_files(location)}", f"{remedy}; convert others, and name a video itself"
+        )
     return sorted(files, key=lambda file: (natural_key(file.path), file.path))
 
 

@@ -20,7 +20,7 @@ from glint.storage.maintenance.disk_space import disk_space
 from glint.storage.versions.garbage import Garbage, remove_old_files
 from glint.storage.versions.repository import ObjectRepository, object_ids
 
-UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+UNITS = {"B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 MAX_SIZE = 1e18
 CACHES = (overlay.FOLDER, kept_values.KEPT_FOLDER)
 """Folders of an object whose files are made again when they are gone."""
@@ -114,11 +114,13 @@ def format_size(size: int) -> str:
 
 
 def parse_size(text: str) -> int:
-    """Parse the bytes of a size such as 500MB, 20GB or 1.5TB.
+    """Parse the bytes of a size such as 500MB, 20GB or 1.5TB; only 0 needs no unit.
 
     Raises:
         ValueError: it is not a size.
     """
+    if text.strip() == "0":
+        return 0
     number = text.strip().upper().rstrip("KMGTB")
     unit = text.strip().upper()[len(number) :]
     with suppress(KeyError, ValueError):

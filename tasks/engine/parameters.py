@@ -3,7 +3,15 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -153,6 +161,17 @@ class ModelParameters(StageParameters):
     passes: Annotated[int, Field(ge=1, le=5)] = 3
     most_triangles: Annotated[int, Field(ge=100)] | None = None
     base_plane: Literal["found"] | Annotated[float, Field(ge=-1e6, le=1e6)] | None = None
+
+    @field_validator("base_plane", mode="wrap")
+    @classmethod
+    def _as_one_fault(cls, value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        """Report one fault of a wrong value, not one for each kind of value that it might have been."""
+        try:
+            return handler(value)
+        except ValidationError:
+            raise PydanticCustomError(
+                "found_or_height", "this is neither `found` nor a number from -1e6 to 1e6"
+            ) from None
 
 
 class Parameters(StageParameters):

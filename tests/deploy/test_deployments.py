@@ -26,7 +26,7 @@ from prefect.states import Cancelling
 from prefect.utilities.callables import parameter_schema
 
 from glint.flows.deployments.deploy import DeploymentOptions, deploy, deployment_specs
-from glint.flows.deployments.inbox_runs import inbox_runs, is_served, start_inbox_run
+from glint.flows.deployments.inbox_runs import inbox_runs, start_inbox_run, unserved_pool
 from glint.flows.errors import ServerError
 from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.reporting.artifacts import artifact_key
@@ -152,7 +152,7 @@ def test_the_server_describes_every_parameter(deployed: list[str]) -> None:
 
 def test_the_inbox_is_scanned_at_once_on_request(deployed: list[str]) -> None:
     started = start_inbox_run("inbox/nightly")
-    assert is_served("inbox/nightly")
+    assert unserved_pool("inbox/nightly") is None
     until(lambda: (state := read_run(started).state) and state.is_final())
     assert any(row["state"] not in ("", "Scheduled") for row in inbox_runs("inbox/nightly", 10))
     with pytest.raises(ServerError, match=r"no deployment inbox/other.*glint deploy"):

@@ -60,6 +60,14 @@ def test_a_worker_follows_a_server_with_another_password(tmp_path: Path, monkeyp
 
 
 @pytest.mark.server
+def test_a_work_pool_is_known_once_it_is_made(server: Server) -> None:
+    with server.connected():
+        assert not worker.has_pool("misspelt")
+        assert worker.run_prefect(["work-pool", "create", "misspelt", "--type", "process"]) == 0
+        assert worker.has_pool("misspelt")
+
+
+@pytest.mark.server
 @pytest.mark.slow
 def test_what_deploy_prints_works_as_printed(server: Server, glint_home: Path, tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
@@ -77,6 +85,9 @@ def test_what_deploy_prints_works_as_printed(server: Server, glint_home: Path, t
     assert server.authentication is not None
     assert server.authentication not in printed and server.authentication.partition(":")[2] not in printed
     listing = output_of("inbox", "--now")
-    assert "no worker serves the inbox: glint worker" in listing and f"{server.ui_url}/glint/runs/flow-run/" in listing
+    assert (
+        "no worker serves the inbox: glint worker --pool printed" in listing
+        and f"{server.ui_url}/glint/runs/flow-run/" in listing
+    )
     assert "Scheduled" in output_of("inbox", "--json")
     assert "inbox/nightly" in output_of("prefect", "deployment", "ls")

@@ -63,6 +63,9 @@ def test_an_empty_cloud_names_the_highest_confidence(store: Path) -> None:
     capture.__dict__["confidence"] = np.full_like(capture.confidence, 0.9)
     with pytest.warns(UserWarning, match=r"no pixel of wine-glass/front has a confidence of 0.95; the highest is 0.90"):
         assert len(capture.point_cloud()) == 0
+    capture.__dict__["confidence"] = np.full_like(capture.confidence, 0.94991)
+    with pytest.warns(UserWarning, match=r"has a confidence of 0.95; the highest is 0.9499: "):
+        assert len(capture.point_cloud()) == 0
     with pytest.raises(ValueError, match="min_confidence is 95"):
         capture.point_cloud(95)
 

@@ -1,5 +1,6 @@
 """A check of a capture that can be processed, and of one that cannot."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -48,6 +49,18 @@ def test_a_wrong_file_is_found_before_anything_is_decoded(simulated: Path, tmp_p
     stages: list[str] = []
     result = check(work, tmp_path / "out", lambda stage, *_: stages.append(stage))
     assert result.verdict.word == "correct the catalogue" and stages == []
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [({"frame": 5000}, "5000, x 60, y 60 is after the last frame, 299"), ({"x": 3.0, "y": 3.0}, "lies outside the ")],
+)
+def test_a_mark_elsewhere_is_found(simulated: Path, tmp_path: Path, place: dict[str, float], says: str) -> None:
+    mark = {"frame": 150, "x": 60.0, "y": 60.0, "kind": "true", **place}
+    (tmp_path / "marks.json").write_text(json.dumps([mark]))
+    work = make_context(simulated, tmp_path / "store", markup=str(tmp_path / "marks.json"))
+    result = check(work, tmp_path / "out", lambda *_: None)
+    assert result.verdict.word == "correct the catalogue" and says in result.error
 
 
 def test_a_verdict_says_that_known_lights_are_not_compared(simulated: Path, tmp_path: Path) -> None:

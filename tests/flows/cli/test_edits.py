@@ -45,7 +45,9 @@ def test_edits_are_listed(store: str) -> None:
     assert (second["field"], second["author"], second["edit"]) == ("verdict", "Bob", 2)
     assert (note["kind"], note["author"], note["text"]) == ("note", "Ann", "scale from the ruler")
     assert "scale from the ruler" in glint("edits", "duck/front", "--store", store)
-    assert "nothing is edited" in glint("edits", "duck/back", "--store", store)
+    misspelt = glint("edits", "duck/frnt", "--store", store)
+    assert "nothing is edited" in misspelt and "duck has no results of a capture 'frnt' (it has front)" in misspelt
+    assert "has no results" not in glint("edits", "duck/front", "--store", store)
 
 
 def test_what_is_saved_and_what_is_written_are_both_printed(store: str, tmp_path: Path) -> None:

@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from glint.flows.cli.main import app
 from glint.flows.cli.tables import status_rows
+from glint.flows.errors import ServerError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from tests.storage.stores import local_store, save_capture
@@ -69,3 +72,13 @@ def test_a_store_that_can_only_be_read(read_only: Path) -> None:
         ("vase", "v1", "idle"),
     ]
     assert damaged == []
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_a_store_is_listed_without_the_server_that_is_named(
+    store: Location, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
+    done = CliRunner().invoke(app, ["status", "--store", store.uri, *words])
+    assert "duck" in done.output and "vase" in done.output
+    assert isinstance(done.exception, ServerError) and "does not answer" in done.exception.message

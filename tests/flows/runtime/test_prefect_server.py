@@ -16,6 +16,7 @@ from prefect import flow, runtime, task
 from glint.flows.errors import ServerError
 from glint.flows.runtime import prefect_server as module
 from glint.flows.runtime import server_process
+from glint.flows.runtime.given_server import check_given
 from glint.flows.runtime.prefect_server import Server, ensure_server, start_server, stop_server
 from glint.flows.runtime.server_process import FIRST_PORT, is_alive, process_start_time
 from tests.polling import until
@@ -191,6 +192,17 @@ def test_a_given_server_that_does_not_answer_is_refused(monkeypatch: pytest.Monk
     with pytest.raises(ServerError, match=r"PREFECT_API_URL=http://127\.0\.0\.1:9/api does not answer.*unset"):
         ensure_server(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.server
+@pytest.mark.usefixtures("free_environment")
+def test_a_given_address_without_its_path_is_refused(monkeypatch: pytest.MonkeyPatch, server: Server) -> None:
+    address = server.api_url.removesuffix("/api")
+    monkeypatch.setenv("PREFECT_API_URL", address)
+    with pytest.raises(ServerError) as caught:
+        check_given(address)
+    assert "404 Not Found" in caught.value.message and "http://HOST:PORT/api" in caught.value.remedy
+    assert len(caught.value.message) < 200, "the answer's body is left out"
 
 
 @pytest.mark.usefixtures("free_environment")

@@ -61,6 +61,10 @@ def _pose(x: float, y: float, z: float) -> list[list[float]]:
         ("pixel_size: 0,33", "pixel_size is '0,33': input should be a valid number: write a number such as 2.5, with"),
         ("region: [1, 2, 3, 4]", "write keys and values: x, y, width, height"),
         ("camera: {fx: 2900}", "unknown key 'fx' in objects[0].captures[0].camera: the only key is matrix"),
+        (
+            "parameters: {mask: {size: 3}}",
+            "'size' in parameters.mask: no keys are known here: remove it",
+        ),
         ("frames: [a.png, b.png]", "write one path; a folder, or shots/*.png, names several files"),
         ('mask: "C:\\Users\\me\\mask.png"', "write the text between single quotes, or a path with /"),
         ("camera: {matrix: [500, 0, 120, 0, 500, 72, 0, 0, 1]}", "at most 3 items are allowed, not 9: write three"),
@@ -85,3 +89,16 @@ def test_a_remedy_shows_what_to_write(entry: str, says: str, tmp_path: Path) -> 
     with pytest.raises(CatalogueError) as caught:
         load_catalogue(file)
     assert says in caught.value.message
+
+
+def test_a_value_of_two_kinds_has_one_fault(tmp_path: Path) -> None:
+    file = tmp_path / "catalogue.yaml"
+    capture = "captures: [{id: a, frames: a.mp4}]"
+    parameters = "parameters: {model: {base_plane: foud}}"
+    file.write_text(f"schema: 1\nname: a\nobjects:\n- id: a\n  {capture}\n  {parameters}\n")
+    with pytest.raises(CatalogueError) as caught:
+        load_catalogue(file)
+    assert caught.value.message == (
+        f"{file}:6: parameters.model.base_plane is 'foud': this is neither `found` nor a number from -1e6 to 1e6:"
+        " write `found`, or the plane's height y in the model's unit"
+    )

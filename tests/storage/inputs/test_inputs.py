@@ -214,6 +214,12 @@ def test_lights_for_another_number_of_frames(tmp_path: Path, count: int) -> None
     assert f"2 lights for {count} frames" in _refused(read_lights, path, names).message
 
 
+def test_a_mistake_in_every_row_is_listed_a_few_times(tmp_path: Path) -> None:
+    rows = [f"{number}.png 0 0 1 1" for number in range(200)]
+    error = _refused(read_lights, _lights(tmp_path, "\n".join(["200", *rows])))
+    assert error.message.count("has more than three numbers") == 5 and error.message.endswith("; and 195 more")
+
+
 def test_everything_wrong_with_lights_is_reported_with_its_line(tmp_path: Path) -> None:
     rows = ["7", "a 1 0 0", "b nan 0 1", "c 0 0 0", "d 1 0", "", "e 1 0 z", "f inf 0 0", "g 1e-9 0 0"]
     path = _lights(tmp_path, "\n".join(rows))
