@@ -5,18 +5,24 @@ SHARE := not slow
 UNITS := tests/tasks/algorithms tests/tasks/engine/test_parameters.py tests/storage
 # Processes that share the tests, a file at a time.
 JOBS := 2
+# As in Glint's own workers: threads of libraries in each of these would wait for each other.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 
-.PHONY: demo test test-unit test-all bench lint format setup requirements clean tests
+.PHONY: demo test test-unit test-all bench lint format setup requirements clean tests kernels
 
 demo: .venv/ready
 	.venv/bin/glint demo
 
-# Tests run even where lint fails.
+# Tests run even where lint fails, and beside it: it keeps one processor busy.
 test: .venv/ready
-	$(MAKE) --no-print-directory --keep-going lint tests
+	$(MAKE) --no-print-directory --keep-going --jobs=2 lint tests
 
-tests: .venv/ready
-	$(PYTHON) -m pytest -q -m "$(SHARE)" --numprocesses=$(JOBS) --dist=loadfile --durations=10 --durations-min=5
+tests: .venv/ready kernels
+	$(ONE_THREAD) $(PYTHON) -m pytest -q -m "$(SHARE)" --numprocesses=$(JOBS) --dist=loadfile --durations=10 --durations-min=5
+
+# Compiled once: processes that begin together would each compile the same.
+kernels: .venv/ready
+	$(PYTHON) -c "from glint.tasks.warm_up import load_kernels; load_kernels()"
 
 # The inner loop, in under a minute: algorithms and storage, without servers, whole captures and long tests.
 test-unit: .venv/ready

@@ -45,8 +45,8 @@ def ellipsoid(centre: tuple[float, float, float], radii: tuple[float, float, flo
 
     def function(points: np.ndarray) -> np.ndarray:
         p = (points - c) / r
-        first = np.linalg.norm(p, axis=1)
-        second = np.maximum(np.linalg.norm(p / r, axis=1), 1e-9)
+        first = _lengths(p)
+        second = np.maximum(_lengths(p / r), 1e-9)
         return first * (first - 1.0) / second
 
     return function
@@ -61,7 +61,7 @@ def capsule(
     def function(points: np.ndarray) -> np.ndarray:
         p = points - a
         s = np.clip(p @ axis / (axis @ axis), 0.0, 1.0)
-        return np.linalg.norm(p - s[:, None] * axis, axis=1) - (r0 + (r1 - r0) * s)
+        return _lengths(p - s[:, None] * axis) - (r0 + (r1 - r0) * s)
 
     return function
 
@@ -127,6 +127,11 @@ def union(functions: list[ImplicitFunction], blend: float) -> ImplicitFunction:
         return minimum - blend * np.log(np.exp((minimum - values) / blend).sum(axis=0))
 
     return function
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths (N,) of vectors (N, 3), in half the time of `np.linalg.norm`."""
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", vectors, vectors)))
 
 
 def surface_nets(

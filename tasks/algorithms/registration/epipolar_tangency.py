@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
+from glint.tasks.algorithms.multiview.silhouette_distance import silhouette_distance
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
@@ -64,7 +65,7 @@ class SilhouetteRays:
         distances = np.zeros(self.nearest_view.shape)
         for number, view in enumerate(views):
             is_nearest = self.nearest_view == number
-            distances[is_nearest] = _silhouette_distance(view, points[is_nearest])
+            distances[is_nearest] = silhouette_distance(view, points[is_nearest])
         return distances / pixel_sizes[:, None]
 
     def derivatives(
@@ -171,7 +172,7 @@ def _deepest_points(
 
     def distances_at(depth: np.ndarray) -> np.ndarray:
         points = _points_on_rays(views[number], columns, rows, depth)
-        return np.stack([_silhouette_distance(views[index], points) for index in remaining])
+        return np.stack([silhouette_distance(views[index], points) for index in remaining])
 
     # The hull's implicit function is the maximum over the views; minimise it along each ray, coarse to fine.
     centre, radius = sphere
@@ -192,10 +193,3 @@ def _points_on_rays(view: View, columns: np.ndarray, rows: np.ndarray, depth: np
     starts, directions = view.rays(columns, rows)
     extra = (None,) * (depth.ndim - 1)
     return starts[:, *extra] + depth[..., None] * directions[:, *extra]
-
-
-def _silhouette_distance(view: View, points: np.ndarray) -> np.ndarray:
-    """Return the world units (...,) by which points (..., 3) lie outside a view's silhouette."""
-    flat = points.reshape(-1, 3)
-    distance = view.silhouette.distance.at(*view.project(flat)) * view.footprint(flat)
-    return distance.reshape(points.shape[:-1])

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.stats import theilslopes
 
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
@@ -57,10 +56,23 @@ class Turntable:
             self.angles + changes[3:],
         )
 
+    @property
+    def lean(self) -> np.ndarray:
+        """The rotation (3, 3) of the camera frame from an upright turntable to this one: about z, then about x."""
+        right, to_camera = np.radians(-self.lean_right), np.radians(self.lean_to_camera)
+        cos_right, sin_right = np.cos(right), np.sin(right)
+        cos_camera, sin_camera = np.cos(to_camera), np.sin(to_camera)
+        return np.array(
+            [
+                [cos_right, -sin_right, 0.0],
+                [cos_camera * sin_right, cos_camera * cos_right, -sin_camera],
+                [sin_camera * sin_right, sin_camera * cos_right, cos_camera],
+            ]
+        )
+
     def pose(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Return rotation (3, 3) and translation (3,), world to camera, of view `number`."""
-        lean = Rotation.from_euler("zx", [-self.lean_right, self.lean_to_camera], degrees=True).as_matrix()
-        return lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
+        return self.lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
 
 
 def wrapped(degrees: np.ndarray) -> np.ndarray:

@@ -100,7 +100,9 @@ def chromium() -> Iterator[Any]:
     if program is None:
         pytest.skip("no chromium (Debian's package chromium)")
     with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        running = driver.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu"]
+        )
         yield running
         running.close()
 

@@ -271,8 +271,9 @@ ATTEMPTS = """
 @needs_chromium
 @pytest.mark.server
 @pytest.mark.long
-@pytest.mark.parametrize("is_signed_in", [False, True])
+@pytest.mark.parametrize("is_signed_in", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_page_of_another_origin_can_neither_read_nor_start_anything(server: Server, is_signed_in: bool) -> None:
+    """In a browser that is signed in it has all that it has in another one."""
     with browser.Browser() as running, ThreadingHTTPServer(("127.0.0.1", 0), PageOfAnotherOrigin) as site:
         threading.Thread(target=site.serve_forever, daemon=True).start()
         if is_signed_in:

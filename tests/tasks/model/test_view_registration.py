@@ -1,5 +1,6 @@
 """Views are labelled again along the rays of their own cameras."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ import pytest
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.model import view_registration
 from glint.tasks.model.view_registration import relabelled, view_of
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages.labels import LabelledView, load_view
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -26,7 +30,9 @@ def sphere_around(columns: np.ndarray, rows: np.ndarray, matrix: np.ndarray, pix
 
 
 @pytest.mark.usefixtures("smooth_labels")
-def test_a_perspective_view_is_labelled_with_its_cameras_matrix(tmp_path: Path) -> None:
+def test_a_perspective_view_is_labelled_with_its_cameras_matrix(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     options = CaptureOptions(frames=300, scale=0.3, sphere_radius=22.0, focal=2.0)
     work = make_context(simulate("hemisphere", tmp_path, options).catalogue, tmp_path / "store")
     perform_all(work, "labels")
@@ -38,3 +44,10 @@ def test_a_perspective_view_is_labelled_with_its_cameras_matrix(tmp_path: Path) 
     assert normals is not None
     error = angles(relabelled(view, model, work).normals, normals)[view.mask]
     assert np.nanmedian(error) < 1.5 and np.nanpercentile(error, 90) < 6.0
+
+    def without_matrix(work: CaptureContext) -> LabelledView:
+        return replace(load_view(work), camera=None)
+
+    monkeypatch.setattr(view_registration, "load_view", without_matrix)
+    without = angles(relabelled(view, model, work).normals, normals)[view.mask]
+    assert np.nanmean(error) < np.nanmean(without) - 0.01

@@ -21,6 +21,7 @@ from glint.tasks.algorithms.labelling.flat_solids import (
     likely_vessel,
 )
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
+from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
@@ -41,6 +42,11 @@ def truth() -> np.ndarray:
 @pytest.fixture(scope="module")
 def settled(truth: np.ndarray) -> Alternation:
     return settle(clusters_of(shown(truth).astype(np.float32)), np.isfinite(truth[..., 0]), ALONE)
+
+
+@pytest.fixture(scope="module")
+def concluded(settled: Alternation) -> Reconstruction:
+    return conclude(explain(settled))
 
 
 def prism_of(normals: np.ndarray, faces: np.ndarray, log_ratio: float) -> PrismSearch:
@@ -85,17 +91,22 @@ def test_a_dome_is_no_faceted_body() -> None:
     assert likely_solids(with_searches(state, facets=bodies_of(right), prism=NO_PRISM)) == [right]
 
 
-def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
+def test_the_faces_that_never_showed_the_light_follow_from_a_prism(
+    settled: Alternation, concluded: Reconstruction, truth: np.ndarray
+) -> None:
     mask = settled.view.mask
     without = copy(settled)
     without.options = LabellingOptions(symmetry=False, readmission=False, flat_faces=False)
-    before, after = (angles(conclude(explain(state)).normals, truth)[mask].mean() for state in (without, settled))
+    results = conclude(explain(without)), concluded
+    before, after = (angles(result.normals, truth)[mask].mean() for result in results)
     assert before > 15.0
     assert after < 5.0
 
 
-def test_confident_normals_of_a_prism_are_right(settled: Alternation, truth: np.ndarray) -> None:
-    result = conclude(explain(settled))
+def test_confident_normals_of_a_prism_are_right(
+    settled: Alternation, concluded: Reconstruction, truth: np.ndarray
+) -> None:
+    result = concluded
     confident = result.confidence >= 0.95
     assert (angles(result.normals, truth)[confident] < 5.0).mean() > 0.95
     assert result.body_depth is not None

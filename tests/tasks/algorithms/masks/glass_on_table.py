@@ -15,6 +15,8 @@ CENTRE, OUTER, INNER = (90.0, 90.0), 62.0, 26.0
 LAMP_RADIUS, LAMP_FRAMES = 18.0, 12
 CAST_PX = 16.0
 """Distance at which a shadow falls from what casts it."""
+FLASH_PX = 9
+"""Pixels from a flash beyond which it is darker than the darkest glass."""
 LINE_DEPTH = 0.4
 """Share of the light that the outer face of a wall takes."""
 
@@ -60,23 +62,31 @@ def draw_glass(
     sphere = (225.0, 90.0, 20.0)
     on_sphere = np.hypot(columns - sphere[0], rows - sphere[1]) < sphere[2]
     angle = np.arctan2(rows - CENTRE[1], columns - CENTRE[0])
+    beside = shadow * np.exp(-(((distance - OUTER) / 25.0) ** 2))
+    line = 1.0 - LINE_DEPTH * np.exp(-0.5 * (distance - OUTER - wall + 0.5) ** 2)
     pictures = []
     for number, time in enumerate(np.linspace(0.0, 1.0, frames, endpoint=False)):
         turn, light = 2.0 * np.pi * 9.0 * time, 0.75 + 0.25 * np.cos(2.0 * np.pi * 2.0 * time)
-        shade = 1.0 - shadow * np.exp(-(((distance - OUTER) / 25.0) ** 2)) * np.clip(np.cos(angle - turn), 0, 1)
-        far = np.hypot(columns - CENTRE[0] + CAST_PX * np.cos(turn), rows - CENTRE[1] + CAST_PX * np.sin(turn))
-        picture = table * light * shade * (1.0 - cast * np.clip(OUTER + 0.5 - far, 0, 1))
+        shade = 1.0 - beside * np.clip(np.cos(angle - turn), 0, 1)
+        picture = table * light * shade
+        if cast:
+            far = np.hypot(columns - CENTRE[0] + CAST_PX * np.cos(turn), rows - CENTRE[1] + CAST_PX * np.sin(turn))
+            picture *= 1.0 - cast * np.clip(OUTER + 0.5 - far, 0, 1)
         glass = 0.5 * refracted * (0.6 + 0.4 * np.sin(2.0 * np.pi * 3.0 * time)) + 20.0
         # The flash runs around while it moves from the hole to the contour and back.
         radius = inner + (OUTER - inner) * abs(1.0 - 2.0 * time)
         x, y = CENTRE[0] + radius * np.cos(turn), CENTRE[1] + radius * np.sin(turn)
         for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
-            glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
+            near = _around(flash_x, flash_y, FLASH_PX)
+            flash = 400.0 * np.exp(-((columns[near] - flash_x) ** 2 + (rows[near] - flash_y) ** 2) / 18.0)
+            glass[near] = np.maximum(glass[near], flash)
         picture = picture * (1.0 - cover) + glass * cover
         if wall and not streaks:
-            picture *= 1.0 - LINE_DEPTH * np.exp(-0.5 * (distance - OUTER - wall + 0.5) ** 2)
+            picture *= line
         picture[on_sphere] = 30.0
-        picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
+        x, y = sphere[0] + 8 * np.cos(turn), sphere[1] + 8 * np.sin(turn)
+        near = _around(x, y, 4)
+        picture[near][np.hypot(columns[near] - x, rows[near] - y) < 3] = 255.0
         if lamp is not None and number < LAMP_FRAMES:
             lamp_row = height * (number + 0.5) / LAMP_FRAMES
             picture[np.hypot(columns - lamp, rows - lamp_row) < LAMP_RADIUS] = 255.0
@@ -88,6 +98,12 @@ def draw_glass(
     for array in (stack, mask):
         array.flags.writeable = False
     return GlassScene(stack, mask, sphere)
+
+
+def _around(x: float, y: float, reach: int) -> tuple[slice, slice]:
+    """Return the rows and columns up to `reach` pixels from a place inside the picture."""
+    column, row = round(x), round(y)
+    return slice(max(row - reach, 0), row + reach + 1), slice(max(column - reach, 0), column + reach + 1)
 
 
 def _texture(generator: np.random.Generator, shape: tuple[int, int], sigmas: tuple[float, float]) -> np.ndarray:

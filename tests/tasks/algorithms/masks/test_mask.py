@@ -51,7 +51,7 @@ def test_the_estimate_is_reproducible(ring: GlassScene) -> None:
 
 
 def test_large_frames_are_reduced_and_the_mask_is_enlarged(ring: GlassScene) -> None:
-    factor = 5
+    factor = 4
     height, width = (factor * edge for edge in ring.mask.shape)
     assert width > MAX_SAMPLE_EDGE_PX
     sample = FrameSample(height, width, 100)

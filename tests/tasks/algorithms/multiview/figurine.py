@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -27,8 +28,9 @@ def difference(solid: ImplicitFunction, removed: ImplicitFunction, blend: float)
     return function
 
 
+@cache
 def body() -> trimesh.Trimesh:
-    """The true surface, about 70 units across."""
+    """The true surface, about 70 units across; it can only be read."""
     solid = union([ellipsoid((0, -8, 0), (30, 18, 16)), ellipsoid((18, 14, 3), (12, 12, 10))], 3.0)
     solid = union([solid, capsule((-26, -4, 0), (-34, 14, -4), 6.0, 3.0)], 2.0)
     solid = difference(solid, ellipsoid((-2, -6, 20), (12, 9, 8)), 1.5)
@@ -36,9 +38,12 @@ def body() -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, triangles, process=False)
 
 
-def views_of(mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: int = 0) -> list[View]:
+def views_of(
+    mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: int = 0, pixel_size: float = 1.0
+) -> list[View]:
     """Return views of a mesh on a turntable: perfect silhouettes, and normals with `noise` degrees of error."""
-    return views_at(mesh, [table.pose(number) for number in range(len(table.angles))], noise, seed)
+    poses = [table.pose(number) for number in range(len(table.angles))]
+    return views_at(mesh, poses, noise, seed, pixel_size=pixel_size)
 
 
 def views_at(
@@ -47,14 +52,15 @@ def views_at(
     noise: float = 1.0,
     seed: int = 0,
     matrix: np.ndarray | None = None,
+    pixel_size: float = 1.0,
 ) -> list[View]:
     """Return views of a mesh from poses: perfect silhouettes, and normals with `noise` degrees of error.
 
-    matrix (3, 3): the camera's; None: orthographic. Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off
-    and of little confidence.
+    matrix (3, 3): the camera's; None: orthographic, of frames that show as much whatever their pixel size. Normals
+    beyond OBSERVABLE_DEG degrees are guesses 12 degrees off and of little confidence.
     """
     generator = np.random.default_rng(seed)
-    empty = full_view("view", matrix)
+    empty = full_view("view", matrix, pixel_size)
     truth = true_model(mesh)
     views = []
     for number, view in enumerate(empty.with_pose(*pose) for pose in poses):
@@ -71,11 +77,12 @@ def views_at(
     return views
 
 
-def full_view(name: str, matrix: np.ndarray | None = None) -> View:
+def full_view(name: str, matrix: np.ndarray | None = None, pixel_size: float = 1.0) -> View:
     """Return a view whose mask is the whole frame, with the world as its camera frame."""
-    shape = FRAME[::-1]
+    width, height = (round(edge / pixel_size) for edge in FRAME)
+    shape = height, width
     mask, normals, confidence = SilhouetteMask(np.ones(shape, bool)), np.zeros((*shape, 3)), np.zeros(shape)
-    return View(name, mask, normals, confidence, np.eye(3), np.zeros(3), (0, 0), FRAME, matrix=matrix)
+    return View(name, mask, normals, confidence, np.eye(3), np.zeros(3), (0, 0), (width, height), pixel_size, matrix)
 
 
 def true_model(mesh: trimesh.Trimesh) -> Model:
