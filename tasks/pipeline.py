@@ -43,7 +43,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=40,
+        version=41,
     ),
     Stage(
         "frames",
@@ -75,7 +75,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=19,
+        version=20,
     ),
     Stage(
         "mask",
@@ -151,7 +151,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_labels_bytes,
-        version=64,
+        version=65,
     ),
     Stage(
         "depth",
