@@ -56,8 +56,8 @@ def main() -> None:
         sample = read_sample(Path(capture.frames), SurveyParameters().sample)
         camera = None if capture.camera is None else np.array(capture.camera.matrix)
         try:
-            found = find_spheres(sample.frames, sample.peak, camera)
-            used, warnings = confirm_found(sample.frames, found, camera)
+            circles = find_spheres(sample.frames, sample.peak, camera)
+            used, warnings = confirm_found(sample.frames, circles, camera)
         except UnusableCapture as error:
             print(f"{name}: refused, {error}", flush=True)
             refused += 1
@@ -68,7 +68,7 @@ def main() -> None:
             missed += circle is None
             if circle is not None:
                 used_errors.append(errors(circle, truth))
-            shown = f"found {line(nearest(found, truth), truth)}; used {line(circle, truth)}"
+            shown = f"found {line(nearest(circles, truth), truth)}; used {line(circle, truth)}"
             print(f"{name}, radius {truth.radius:.0f}: {shown}; {len(warnings)} warnings", flush=True)
     centre, radius, centre_sd, _ = np.stack(used_errors, axis=1)
     # The error of a centre has two axes.

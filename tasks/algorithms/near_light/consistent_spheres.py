@@ -109,6 +109,6 @@ def _parallax_residual(sites: list[SphereLights], least_distance: float) -> floa
     residuals = []
     for inverse in np.linspace(0.0, 1.0 / least_distance, DISTANCES):
         of_frames = np.full(len(sites[0].lights), inverse)
-        one, other = (half_vectors_of(site.at_reference(of_frames)) for site in sites)
-        residuals.append(float(np.median(angles(one, other))))
+        half_vectors = [half_vectors_of(site.at_reference(of_frames)) for site in sites]
+        residuals.append(float(np.median(angles(*half_vectors))))
     return min(residuals)

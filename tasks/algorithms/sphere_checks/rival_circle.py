@@ -76,12 +76,14 @@ def rival_circle(
     outer = [circle for circle in clear if _is_horizon(rival, circle)]
     if outer:
         rival = _strongest(outer, shapes)
+    radius_doubt = _radius_doubt(rival, clear, shapes)
     if not is_contradicted:
         own = _measured(frames, sphere, camera)
         if _agreement(rival, shapes) < MIN_RIVAL_GAIN * _agreement(own, shapes) or _is_horizon(rival, own):
             return None
-    radius_sd = float(np.hypot(rival.radius_sd, _radius_doubt(rival, clear, shapes)))
-    return replace(with_highlights(rival, shapes), radius_sd=radius_sd)
+        # Nothing has doubted the radius of the circle.
+        radius_doubt = 0.0 if _is_same(rival, own) else radius_doubt
+    return replace(with_highlights(rival, shapes), radius_sd=float(np.hypot(rival.radius_sd, radius_doubt)))
 
 
 def _measured(frames: np.ndarray, start: Sphere, camera: np.ndarray | None) -> Sphere:

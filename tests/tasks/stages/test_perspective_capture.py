@@ -58,7 +58,7 @@ def test_a_near_camera_needs_its_matrix_and_is_told_without(
     assert without.confident_share < 0.05
 
 
-@pytest.mark.parametrize("factor", [0.5, 3.0])
+@pytest.mark.parametrize("factor", [0.6, 3.0])
 def test_normals_contradict_the_matrix_of_another_lens(near: Path, tmp_path: Path, factor: float) -> None:
     camera = load(near).objects[0].captures[0].camera
     assert camera is not None
