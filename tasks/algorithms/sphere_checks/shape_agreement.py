@@ -42,18 +42,17 @@ def beside_highlights(circle: Sphere, shapes: ShapeCircle, radius_sd: float) -> 
 def with_highlights(circle: Sphere, shapes: ShapeCircle) -> Sphere:
     """Return a circle whose centre is the mean of its own and the highlights', by their precision.
 
-    Where the two differ more than their deviations let expect, that of the circle is taken to be too small: an edge
-    can mislead it.
+    It is known worse in proportion where the two differ more than their deviations let expect.
     """
     systematic = SYSTEMATIC_RATIO * circle.radius
-    own = (circle.centre_sd**2 + systematic**2) * birge_ratio(circle, shapes) ** 2
+    own = circle.centre_sd**2 + systematic**2
     other = shapes.sd**2 + systematic**2
     share = other / (own + other)
     return replace(
         circle,
         x=share * circle.x + (1.0 - share) * shapes.x,
         y=share * circle.y + (1.0 - share) * shapes.y,
-        centre_sd=float(np.sqrt(share * own)),
+        centre_sd=float(np.sqrt(share * own)) * birge_ratio(circle, shapes),
     )
 
 
