@@ -83,8 +83,9 @@ def rival_circle(
         is_clear = rival.score >= MIN_RIVAL_CONTRAST * own.score and not _is_horizon(rival, own)
         if not is_clear or _agreement(rival, shapes) < MIN_RIVAL_GAIN * _agreement(own, shapes):
             return None
-        # Nothing has doubted the radius of the circle.
-        radius_doubt = 0.0 if _is_same(rival, own) else radius_doubt
+        if _is_same(rival, own):
+            # Nothing has doubted the radius of the circle but this one.
+            radius_doubt = abs(rival.radius - own.radius) / 2.0
     return replace(with_highlights(rival, shapes), radius_sd=float(np.hypot(rival.radius_sd, radius_doubt)))
 
 
