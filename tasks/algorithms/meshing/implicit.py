@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import lengths
+
 ImplicitFunction = Callable[[np.ndarray], np.ndarray]
 
 _DIFFERENCE_STEP = 1e-3
@@ -45,8 +47,8 @@ def ellipsoid(centre: tuple[float, float, float], radii: tuple[float, float, flo
 
     def function(points: np.ndarray) -> np.ndarray:
         p = (points - c) / r
-        first = _lengths(p)
-        second = np.maximum(_lengths(p / r), 1e-9)
+        first = lengths(p)
+        second = np.maximum(lengths(p / r), 1e-9)
         return first * (first - 1.0) / second
 
     return function
@@ -61,7 +63,7 @@ def capsule(
     def function(points: np.ndarray) -> np.ndarray:
         p = points - a
         s = np.clip(p @ axis / (axis @ axis), 0.0, 1.0)
-        return _lengths(p - s[:, None] * axis) - (r0 + (r1 - r0) * s)
+        return lengths(p - s[:, None] * axis) - (r0 + (r1 - r0) * s)
 
     return function
 
@@ -127,11 +129,6 @@ def union(functions: list[ImplicitFunction], blend: float) -> ImplicitFunction:
         return minimum - blend * np.log(np.exp((minimum - values) / blend).sum(axis=0))
 
     return function
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Return the lengths (N,) of vectors (N, 3), in half the time of `np.linalg.norm`."""
-    return np.asarray(np.sqrt(np.einsum("ni,ni->n", vectors, vectors)))
 
 
 def surface_nets(
