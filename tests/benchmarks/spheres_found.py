@@ -26,7 +26,7 @@ from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_sp
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.sphere_checks.circle_check import CheckedCircle, check_circle
 from glint.tasks.algorithms.sphere_checks.mirrored_rim import with_mirrored_rim
-from glint.tasks.algorithms.sphere_checks.shape_agreement import SYSTEMATIC_RATIO
+from glint.tasks.algorithms.sphere_checks.shape_agreement import centre_deviation, distance
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.first_pass import Sample
@@ -102,11 +102,10 @@ def _line(check: CheckedCircle, truth: Sphere) -> str:
     line = f"found {_offset(circle, truth)}"
     if shapes is None:
         return f"{line}; the highlights say nothing"
-    centre, reach = Sphere(shapes.x, shapes.y, shapes.max_radius), SYSTEMATIC_RATIO * circle.radius
-    deviation = float(np.sqrt(circle.centre_sd**2 + shapes.sd**2 + reach**2))
+    centre, offset = Sphere(shapes.x, shapes.y, shapes.max_radius), distance(circle, shapes)
     line += (
         f"; highlights' centre {percent * centre.distance(truth):.1f}% off (sd {percent * shapes.sd:.1f}%),"
-        f" {percent * centre.distance(circle):.1f}% from it, {centre.distance(circle) / deviation:.1f} deviations;"
+        f" {percent * offset:.1f}% from it, {offset / centre_deviation(circle, shapes):.1f} deviations;"
         f" radius at most {100.0 * (shapes.max_radius / truth.radius - 1.0):+.0f}%"
     )
     if check.is_contradicted:

@@ -3,8 +3,8 @@
     python -m tests.benchmarks.used_spheres [SHAPE ...] [--seed 680000] [--count 46] [--folder DIR]
 
 The captures are those of `tests.benchmarks.random_captures`; a third has a near camera, whose matrix is given, a third
-two spheres, and half of the lights are near. Of each true sphere it prints the error of the circle that is found and of
-the one that is used (centre and radius, percent of the radius) with the stated standard deviations; at last how many
+two spheres, and three in five lights are near. Of each true sphere it prints the error of the circle that is found and
+of the one that is used (centre and radius, percent of the radius) with the stated standard deviations; at last how many
 are missed or wrong, and the errors in stated deviations.
 """
 
